@@ -1,0 +1,44 @@
+#include "attacker/attack_messages.h"
+
+#include <cmath>
+#include <holdfast/attack_frame_t.hpp>
+
+#include "drivers/can/can_messages.h"
+
+namespace holdfast {
+
+void to_message(const AttackRecord& record, std::span<const AttackRule> rules, double step_s,
+                attack_frame_t& message) {
+  const AttackRule& rule = rules[record.rule];
+  message.utime = std::llround(static_cast<double>(record.step) * step_s * 1e6);
+  message.step = record.step;
+  message.disposition = static_cast<std::int32_t>(record.disposition);
+  message.rule = rule.name;
+  message.action = to_string(rule.action);
+  message.rx_index = record.rx_index;
+  message.tx_index = record.tx_index;
+  message.draw_index = record.draw_index;
+  message.draw = record.draw;
+  to_message(record.original, record.rx_index, message.original);
+  to_message(record.forwarded, record.tx_index, message.forwarded);
+}
+
+bool from_message(const attack_frame_t& message, std::span<const AttackRule> rules,
+                  AttackRecord& record) {
+  if (message.disposition < attack_frame_t::ALTERED ||
+      message.disposition > attack_frame_t::INJECTED)
+    return false;
+  record.rule = 0;
+  while (record.rule < rules.size() && rules[record.rule].name != message.rule) ++record.rule;
+  if (record.rule == rules.size()) return false;
+  record.disposition = static_cast<AttackRecord::Disposition>(message.disposition);
+  record.step = message.step;
+  record.rx_index = message.rx_index;
+  record.tx_index = message.tx_index;
+  record.draw_index = message.draw_index;
+  record.draw = message.draw;
+  return from_message(message.original, record.original) &&
+         from_message(message.forwarded, record.forwarded);
+}
+
+}  // namespace holdfast

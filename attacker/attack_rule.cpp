@@ -1,0 +1,301 @@
+#include "attacker/attack_rule.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+namespace holdfast {
+namespace {
+
+constexpr Interval kFinite{std::numeric_limits<double>::lowest(),
+                           std::numeric_limits<double>::max()};
+constexpr Interval kFiniteNonNegative{0.0, std::numeric_limits<double>::max()};
+constexpr Interval kSteps{1.0, static_cast<double>(AttackWindow::kLastStep)};
+constexpr std::uint32_t kStandardMask = 0x7FF;
+constexpr std::uint32_t kExtendedMask = 0x1FFFFFFF;
+
+using Messages = std::vector<const DbcMessage*>;
+
+bool is_tick_message(const FrameLayout& layout, const DbcMessage& message) {
+  return message.name == layout.tick_message;
+}
+
+/// Messages that the match names, or that fall under its identifier and mask; never the tick.
+Messages selected_messages(const AttackMatch& match, const FrameLayout& layout) {
+  Messages selected;
+  for (const DbcMessage& message : layout.dbc.messages) {
+    if (!is_tick_message(layout, message) && selects(match, message)) selected.push_back(&message);
+  }
+  return selected;
+}
+
+/// Reports a signal that no frame of the rule can carry. A message that was named must have it; of
+/// those that merely fall under a mask, one is enough.
+void check_signal(ConfigurationMap& map, const char* key, const std::string& signal,
+                  const AttackMatch& match, const Messages& selected) {
+  if (signal.empty()) {
+    map.problem(key, "must name a signal");
+    return;
+  }
+  const DbcMessage* without = nullptr;
+  bool is_somewhere = false;
+  for (const DbcMessage* message : selected) {
+    if (message->find(signal) != nullptr) {
+      is_somewhere = true;
+    } else if (without == nullptr) {
+      without = message;
+    }
+  }
+  if (!match.messages.empty()) {
+    if (without != nullptr) {
+      map.problem(key, "message '" + without->name + "' has no signal '" + signal + "'");
+    }
+  } else if (!is_somewhere) {
+    map.problem(key, "no message that the rule matches has a signal '" + signal + "'");
+  }
+}
+
+void read_message_names(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
+  map.read("messages", match.messages);
+  std::set<std::string> seen;
+  for (const std::string& name : match.messages) {
+    const DbcMessage* message = layout.dbc.find(name);
+    if (name == layout.tick_message) {
+      map.problem("messages", "no rule can match the tick ('" + name + "')");
+    } else if (message == nullptr) {
+      map.problem("messages", "the DBC file has no message '" + name + "'");
+    } else {
+      match.message_keys.push_back(frame_key(message->identifier, message->is_extended));
+    }
+    if (!seen.insert(name).second) map.problem("messages", "'" + name + "' given twice");
+  }
+}
+
+void read_identifier(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
+  if (!map.has("identifier")) {
+    for (const char* key : {"mask", "extended"}) {
+      if (map.has(key)) map.problem(key, "needs the key identifier");
+    }
+    std::int64_t unused_mask = 0;
+    bool unused_flag = false;
+    // Read all the same, so that the keys are not called unknown on top.
+    if (map.has("mask")) map.read("mask", unused_mask);
+    if (map.has("extended")) map.read("extended", unused_flag);
+    return;
+  }
+  map.read("extended", match.is_extended);
+  const std::uint32_t full = match.is_extended ? kExtendedMask : kStandardMask;
+  std::int64_t identifier = 0;
+  std::int64_t mask = full;
+  map.read("identifier", identifier, {0.0, static_cast<double>(full)});
+  map.read("mask", mask, {0.0, static_cast<double>(full)});
+  match.identifier = static_cast<std::uint32_t>(identifier);
+  match.mask = static_cast<std::uint32_t>(mask);
+  const DbcMessage* tick = layout.dbc.find(layout.tick_message);
+  if (tick != nullptr && match.mask == full && tick->is_extended == match.is_extended &&
+      tick->identifier == match.identifier) {
+    map.problem("identifier", "no rule can match the tick ('" + tick->name + "')");
+  }
+}
+
+/// Returns the messages that the match selects.
+Messages read_match(ConfigurationMap map, AttackRule& rule, const FrameLayout& layout) {
+  AttackMatch& match = rule.match;
+  read_message_names(map, match, layout);
+  read_identifier(map, match, layout);
+  const Messages selected = selected_messages(match, layout);
+  const bool has_bound = map.has("at_least") || map.has("at_most");
+  if (map.has("signal") || has_bound) {
+    map.read("signal", match.signal);
+    map.read("at_least", match.at_least);
+    map.read("at_most", match.at_most);
+    check_signal(map, "signal", match.signal, match, selected);
+    if (!has_bound) map.problem("signal", "needs at_least, at_most, or both");
+    if (match.at_least > match.at_most) map.problem("at_most", "lies below at_least");
+    if (rule.action == AttackRule::Action::kInject) {
+      map.problem("signal", "an injection compares nothing: there is no frame yet");
+    }
+  }
+  return selected;
+}
+
+void read_window(ConfigurationMap map, AttackWindow& window) {
+  map.read("first_step", window.first_step, kSteps);
+  map.read("last_step", window.last_step, kSteps);
+  map.read("from_s", window.from_s, kFiniteNonNegative);
+  map.read("to_s", window.to_s, kNonNegative);
+  if (window.last_step < window.first_step) map.problem("last_step", "lies before first_step");
+  if (window.to_s < window.from_s) map.problem("to_s", "lies before from_s");
+}
+
+void read_value(ConfigurationMap& rule_map, ValueDistribution& value) {
+  using Kind = ValueDistribution::Kind;
+  rule_map.require("value");
+  ConfigurationMap map = rule_map.map("value");
+  map.read_choice("distribution", value.kind,
+                  {{"constant", Kind::kConstant},
+                   {"uniform", Kind::kUniform},
+                   {"normal", Kind::kNormal},
+                   {"bernoulli", Kind::kBernoulli}});
+  if (!rule_map.has("value")) return;
+  switch (value.kind) {
+    case Kind::kConstant:
+      map.require("value");
+      map.read("value", value.value);
+      break;
+    case Kind::kUniform:
+      map.require("low");
+      map.require("high");
+      map.read("low", value.low, kFinite);
+      map.read("high", value.high, kFinite);
+      if (value.low > value.high) map.problem("high", "lies below low");
+      break;
+    case Kind::kNormal:
+      map.require("mean");
+      map.require("std");
+      map.read("mean", value.mean, kFinite);
+      map.read("std", value.std, kFiniteNonNegative);
+      break;
+    case Kind::kBernoulli:
+      map.require("probability");
+      map.read("probability", value.probability, kProbability);
+      break;
+  }
+}
+
+void read_count(ConfigurationMap map, CountDistribution& count) {
+  using Kind = CountDistribution::Kind;
+  map.read_choice("distribution", count.kind,
+                  {{"constant", Kind::kConstant}, {"poisson", Kind::kPoisson}});
+  map.read("mean", count.mean, {0.0, CountDistribution::kMax});
+  if (count.kind == Kind::kConstant && count.mean != std::floor(count.mean)) {
+    map.problem("mean", "a constant count must be a whole number");
+  }
+}
+
+void read_flip(ConfigurationMap& map, AttackRule& rule, const Messages& selected) {
+  const bool has_signal = map.has("signal");
+  if (has_signal == map.has("bit")) {
+    map.problem("action", "flip needs either signal or bit");
+  }
+  if (has_signal) {
+    map.read("signal", rule.signal);
+    check_signal(map, "signal", rule.signal, rule.match, selected);
+  }
+  if (!map.has("bit")) return;
+  map.read("bit", rule.bit, {0.0, 8.0 * CanFrame::kBytesMax - 1.0});
+  if (rule.match.messages.empty()) return;
+  for (const DbcMessage* message : selected) {
+    if (rule.bit >= 8 * message->num_bytes) {
+      map.problem("bit", "message '" + message->name + "' has " +
+                             std::to_string(8 * message->num_bytes) + " bits only");
+    }
+  }
+}
+
+void read_signal_and_value(ConfigurationMap& map, AttackRule& rule, const Messages& selected) {
+  map.require("signal");
+  map.read("signal", rule.signal);
+  if (map.has("signal")) check_signal(map, "signal", rule.signal, rule.match, selected);
+  read_value(map, rule.value);
+}
+
+void read_inject(ConfigurationMap& map, AttackRule& rule, const FrameLayout& layout,
+                 const Messages& selected) {
+  read_signal_and_value(map, rule, selected);
+  read_count(map.map("count"), rule.count);
+  rule.counter_signal = layout.counter_signal;
+  const bool is_own_counter = map.has("counter_signal");
+  map.read("counter_signal", rule.counter_signal);
+  if (is_own_counter && !rule.counter_signal.empty()) {
+    check_signal(map, "counter_signal", rule.counter_signal, rule.match, selected);
+  }
+  map.read("counter_offset", rule.counter_offset, {-9.0e15, 9.0e15});
+  if (selected.empty())
+    map.problem("match", "an injection needs a message of the DBC file to forge");
+}
+
+AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
+  using Action = AttackRule::Action;
+  AttackRule rule;
+  map.require("name");
+  map.read("name", rule.name);
+  map.require("action");
+  map.read_choice("action", rule.action,
+                  {{"drop", Action::kDrop},
+                   {"flip", Action::kFlip},
+                   {"substitute", Action::kSubstitute},
+                   {"inject", Action::kInject}});
+  const Messages selected = read_match(map.map("match"), rule, layout);
+  read_window(map.map("window"), rule.window);
+  map.read("probability", rule.probability, kProbability);
+  map.read_choice("draw", rule.draw,
+                  {{"frame", AttackRule::Draw::kFrame}, {"step", AttackRule::Draw::kStep}});
+  switch (rule.action) {
+    case Action::kDrop:
+      break;
+    case Action::kFlip:
+      read_flip(map, rule, selected);
+      break;
+    case Action::kSubstitute:
+      read_signal_and_value(map, rule, selected);
+      break;
+    case Action::kInject:
+      read_inject(map, rule, layout, selected);
+      break;
+  }
+  return rule;
+}
+
+}  // namespace
+
+bool AttackWindow::contains(std::int64_t step, double step_s) const {
+  // Decimal periods are not exact in binary: 3 x 0.1 must still count as 0.3.
+  const double time_s = static_cast<double>(step) * step_s;
+  const double slack_s = 1e-6 * step_s;
+  return step >= first_step && step <= last_step && time_s >= from_s - slack_s &&
+         time_s <= to_s + slack_s;
+}
+
+const char* to_string(AttackRule::Action action) {
+  switch (action) {
+    case AttackRule::Action::kDrop:
+      return "drop";
+    case AttackRule::Action::kFlip:
+      return "flip";
+    case AttackRule::Action::kSubstitute:
+      return "substitute";
+    case AttackRule::Action::kInject:
+      return "inject";
+  }
+  return "unknown";
+}
+
+bool AttackMatch::matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const {
+  if (!messages.empty() &&
+      std::find(message_keys.begin(), message_keys.end(),
+                frame_key(frame_identifier, frame_is_extended)) == message_keys.end()) {
+    return false;
+  }
+  if (!identifier) return true;
+  return frame_is_extended == is_extended && ((frame_identifier ^ *identifier) & mask) == 0;
+}
+
+bool selects(const AttackMatch& match, const DbcMessage& message) {
+  return match.matches_identifier(message.identifier, message.is_extended);
+}
+
+std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLayout& layout) {
+  std::vector<AttackRule> rules;
+  std::set<std::string> names;
+  for (ConfigurationMap map : parent.maps("attacks")) {
+    rules.push_back(read_rule(map, layout));
+    const std::string& name = rules.back().name;
+    if (map.has("name") && name.empty()) map.problem("name", "must not be empty");
+    if (!name.empty() && !names.insert(name).second)
+      map.problem("name", "'" + name + "' given twice");
+  }
+  return rules;
+}
+
+}  // namespace holdfast

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/configuration.h"
+#include "drivers/can/dbc.h"
+#include "drivers/can/frame_codec.h"
+
+namespace holdfast {
+
+/// Identifier and width in one number: bit 29 tells 29-bit identifiers from 11-bit ones.
+constexpr std::uint32_t frame_key(std::uint32_t identifier, bool is_extended) {
+  return identifier | (is_extended ? 1U << 29 : 0U);
+}
+
+/// Where the value of a substituted or forged signal comes from; physical units of the signal.
+struct ValueDistribution {
+  enum class Kind { kConstant, kUniform, kNormal, kBernoulli };
+
+  Kind kind = Kind::kConstant;
+  double value = 0.0;            // constant
+  double low = 0.0, high = 1.0;  // uniform, low <= high
+  double mean = 0.0, std = 1.0;  // normal, std >= 0
+  double probability = 0.5;      // bernoulli: 1 with this probability, else 0
+};
+
+/// How many frames an injection forges, per step and matched message.
+struct CountDistribution {
+  enum class Kind { kConstant, kPoisson };
+  static constexpr double kMax = 500.0;
+
+  Kind kind = Kind::kConstant;
+  double mean = 1.0;  // the count itself when constant; 0..kMax
+};
+
+/// Which frames a rule acts on; what is left out restricts nothing. The tick never matches.
+struct AttackMatch {
+  std::vector<std::string> messages;        // by name: identifier and width of a DBC message
+  std::vector<std::uint32_t> message_keys;  // frame_key() of each of them
+  std::optional<std::uint32_t> identifier;  // (identifier ^ frame's) & mask == 0
+  std::uint32_t mask = 0;
+  bool is_extended = false;  // width that `identifier` speaks of
+  std::string signal;        // "" when no comparison is asked
+  double at_least = -std::numeric_limits<double>::infinity();
+  double at_most = std::numeric_limits<double>::infinity();
+
+  /// True when names, identifier and mask let this identifier through; signals and the tick are
+  /// looked at by ProxyCore.
+  bool matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const;
+};
+
+/// When a rule acts: steps and model time, both ends included, both conditions to be met.
+struct AttackWindow {
+  /// Largest step that a random stream can address; stands for "to the end".
+  static constexpr std::int64_t kLastStep = std::numeric_limits<std::uint32_t>::max();
+
+  std::int64_t first_step = 1;
+  std::int64_t last_step = kLastStep;
+  double from_s = 0.0;
+  double to_s = std::numeric_limits<double>::infinity();
+
+  /// True when step k, whose model time is k step_s, lies in the window.
+  bool contains(std::int64_t step, double step_s) const;
+};
+
+/// One rule of the attacker, as the list `attacks` of a scenario states it (docs/attacks.md).
+struct AttackRule {
+  enum class Action : std::int32_t { kDrop = 0, kFlip = 1, kSubstitute = 2, kInject = 3 };
+  enum class Draw { kFrame, kStep };  // kStep: one decision is shared by all frames of a step
+
+  std::string name;
+  AttackMatch match;
+  AttackWindow window;
+  double probability = 1.0;
+  Draw draw = Draw::kFrame;
+  Action action = Action::kDrop;
+
+  std::string signal;          // flip, substitute, inject
+  int bit = -1;                // flip: payload bit as a DBC counts, -1 when a signal is flipped
+  ValueDistribution value;     // substitute, inject
+  CountDistribution count;     // inject
+  std::string counter_signal;  // inject: set to step + counter_offset; "" for none
+  std::int64_t counter_offset = 0;
+};
+
+const char* to_string(AttackRule::Action action);
+
+/// True when the rule, by name or identifier, speaks of this message; signals are not looked at.
+bool selects(const AttackMatch& match, const DbcMessage& message);
+
+/// Rules below the list key `attacks` of the map, in their order; none when there is no such key.
+///
+/// The layout says which names exist, which message is the tick, and the default counter signal.
+/// Every problem is reported on the map; rules are usable only when there was none.
+std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLayout& layout);
+
+}  // namespace holdfast

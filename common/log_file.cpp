@@ -1,0 +1,109 @@
+#include "common/log_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "common/errors.h"
+
+namespace holdfast {
+namespace {
+
+// LCM log format: sync word, event number, time stamp, channel length, data length, then both,
+// big-endian without padding.
+constexpr std::array<std::uint8_t, 4> kSyncBytes{0xED, 0xA1, 0xDA, 0x01};
+constexpr std::size_t kHeaderBytes = 28;
+constexpr std::uint32_t kChannelBytesMax = 999;
+
+std::uint64_t big_endian(const std::uint8_t* bytes, std::size_t count) {
+  std::uint64_t value = 0;
+  for (std::size_t i = 0; i < count; ++i) value = (value << 8) | bytes[i];
+  return value;
+}
+
+void put_big_endian(std::uint8_t* bytes, std::uint64_t value, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i)
+    bytes[i] = static_cast<std::uint8_t>(value >> (8 * (count - 1 - i)));
+}
+
+}  // namespace
+
+LogReader::LogReader(const std::string& file) : file_(std::fopen(file.c_str(), "rb")) {
+  if (!file_) throw UsageError(file + ": cannot be read: " + std::strerror(errno));
+  if (std::fseek(file_.get(), 0, SEEK_END) != 0) throw UsageError(file + ": is no log file");
+  size_ = std::ftell(file_.get());
+  std::rewind(file_.get());
+}
+
+bool LogReader::finish(std::int64_t event_end, bool looks_like_event) {
+  const std::int64_t left = size_ - event_end;
+  if (looks_like_event) {
+    tail_is_torn_ = true;
+  } else {
+    damaged_bytes_ += left;
+  }
+  std::fseek(file_.get(), 0, SEEK_END);
+  return false;
+}
+
+bool LogReader::next(LogEvent& event) {
+  const std::int64_t event_end = std::ftell(file_.get());
+  bool looks_like_event = false;  // what stands right after the last event, as far as it goes
+  for (std::int64_t start = event_end;;) {
+    std::array<std::uint8_t, kHeaderBytes> header{};
+    const std::size_t got = std::fread(header.data(), 1, kHeaderBytes, file_.get());
+    if (got == 0 && start == event_end) return false;
+    const bool is_synchronised = std::equal(
+        header.begin(), header.begin() + std::min<std::size_t>(got, 4), kSyncBytes.begin());
+    const std::uint64_t channel_bytes = big_endian(&header[20], 4);
+    const std::uint64_t data_bytes = big_endian(&header[24], 4);
+    const bool is_event =
+        is_synchronised && channel_bytes >= 1 && channel_bytes <= kChannelBytesMax;
+    if (start == event_end) looks_like_event = got < kHeaderBytes ? is_synchronised : is_event;
+    if (got < kHeaderBytes) return finish(event_end, looks_like_event);
+    const auto left = static_cast<std::uint64_t>(size_ - start) - kHeaderBytes;
+    if (is_event && channel_bytes + data_bytes <= left) {
+      event.number = static_cast<std::int64_t>(big_endian(&header[4], 8));
+      event.utime = static_cast<std::int64_t>(big_endian(&header[12], 8));
+      event.channel.resize(channel_bytes);
+      event.data.resize(data_bytes);
+      if (std::fread(event.channel.data(), 1, channel_bytes, file_.get()) != channel_bytes ||
+          std::fread(event.data.data(), 1, data_bytes, file_.get()) != data_bytes) {
+        return finish(event_end, looks_like_event);
+      }
+      damaged_bytes_ += start - event_end;
+      return true;
+    }
+    // The next sync word can only begin where its first byte stands.
+    start += std::find(header.begin() + 1, header.end(), kSyncBytes[0]) - header.begin();
+    std::fseek(file_.get(), static_cast<long>(start), SEEK_SET);
+  }
+}
+
+LogWriter::LogWriter(const std::string& file) : name_(file), file_(std::fopen(file.c_str(), "wb")) {
+  if (!file_) throw JobError(file + ": cannot be written: " + std::strerror(errno));
+}
+
+void LogWriter::write(const std::string& channel, std::int64_t utime,
+                      const std::vector<std::uint8_t>& data) {
+  std::array<std::uint8_t, kHeaderBytes> header;
+  std::copy(kSyncBytes.begin(), kSyncBytes.end(), header.begin());
+  put_big_endian(&header[4], static_cast<std::uint64_t>(next_number_++), 8);
+  put_big_endian(&header[12], static_cast<std::uint64_t>(utime), 8);
+  put_big_endian(&header[20], channel.size(), 4);
+  put_big_endian(&header[24], data.size(), 4);
+  const bool written =
+      std::fwrite(header.data(), 1, kHeaderBytes, file_.get()) == kHeaderBytes &&
+      std::fwrite(channel.data(), 1, channel.size(), file_.get()) == channel.size() &&
+      std::fwrite(data.data(), 1, data.size(), file_.get()) == data.size();
+  if (!written) throw JobError(name_ + ": cannot be written: " + std::strerror(errno));
+}
+
+void LogWriter::flush() {
+  if (std::fflush(file_.get()) != 0) {
+    throw JobError(name_ + ": cannot be written: " + std::strerror(errno));
+  }
+}
+
+}  // namespace holdfast

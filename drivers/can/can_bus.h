@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "drivers/can/can_frame.h"
+
+namespace holdfast {
+
+/// What a bus lost or refused; losses are data.
+struct BusCounters {
+  std::int64_t read = 0;  // data and remote frames handed to the caller
+  std::int64_t written = 0;
+  std::int64_t kernel_dropped =
+      0;                     // receive queue overflow (SO_RXQ_OVFL, or SO_MEMINFO at the end)
+  std::int64_t refused = 0;  // malformed on the wire: bad datagram, impossible length, broken line
+  std::int64_t write_dropped = 0;  // given up after the write time-out
+  std::int64_t error_frames = 0;
+  std::int64_t times_down = 0;  // interface went down or away
+};
+
+/// One CAN bus, told by its URL. One thread; never blocks but in write(), and there not for longer
+/// than the time-out.
+class CanBus {
+ public:
+  virtual ~CanBus() = default;
+
+  /// Descriptor that is readable when read() has frames; -1 for a bus that has none (a file).
+  virtual int file_descriptor() const = 0;
+
+  /// Takes what has arrived, in order, up to the span's size; 0 when nothing has. Never returns
+  /// frames that this object wrote, nor error frames (counted, and told to the listener).
+  virtual std::size_t read(std::span<CanFrame> frames) = 0;
+
+  /// Sends in order. A full queue (ENOBUFS, EAGAIN) or an interface that is down is waited for, up
+  /// to the time-out, then the frame is dropped and counted. Returns the number sent.
+  virtual std::size_t write(std::span<const CanFrame> frames) = 0;
+
+  /// True when no more frames can ever come (end of a file).
+  virtual bool at_end() const { return false; }
+
+  /// Counters, brought up to date with the kernel's.
+  virtual const BusCounters& counters() = 0;
+};
+
+struct BusOptions {
+  bool may_write = false;  // read-only unless asked
+  std::string owned_url;   // the URL that the user says to own; allows writing to real hardware
+  double write_timeout_s = 10.0;
+  int receive_buffer_bytes = 8 << 20;
+  /// Told what happens: "vcan0 is down", "vcan0 is up again", "bus-off". May be empty.
+  std::function<void(const std::string&)> on_event;
+};
+
+/// Opens socketcan:IFACE, udp:GROUP:PORT, candump:FILE (read), candump-write:FILE (writes a new
+/// one) or loop:NAME. A loop: opened here is alone on its medium; LoopBus objects that share one
+/// are made with make_loop_pair() or on a LoopMedium.
+///
+/// Throws UsageError for a URL that is none of these, or for writing to what is neither vcan,
+/// vxcan, loop, a file, nor loopback UDP, unless options.owned_url equals the URL. Throws JobError
+/// when the bus cannot be opened.
+std::unique_ptr<CanBus> open_can_bus(const std::string& url, const BusOptions& options = {});
+
+/// True when this kernel has the interface and it is virtual CAN (vcan or vxcan).
+bool is_virtual_can(const std::string& interface_name);
+
+}  // namespace holdfast

@@ -1,0 +1,31 @@
+#include "drivers/can/can_frame.h"
+
+namespace holdfast {
+namespace {
+
+constexpr std::array<std::uint8_t, 16> kFdLengths = {0, 1,  2,  3,  4,  5,  6,  7,
+                                                     8, 12, 16, 20, 24, 32, 48, 64};
+constexpr std::uint32_t kStandardIdentifierMax = 0x7FF;
+constexpr std::uint32_t kExtendedIdentifierMax = 0x1FFFFFFF;
+
+}  // namespace
+
+bool is_valid(const CanFrame& frame) {
+  // The identifier of an error frame is its class, which needs the wide range.
+  const bool is_wide = frame.has(CanFrame::kExtended) || frame.has(CanFrame::kError);
+  if (frame.identifier > (is_wide ? kExtendedIdentifierMax : kStandardIdentifierMax)) return false;
+  if (frame.has(CanFrame::kRemote) && frame.has(CanFrame::kError)) return false;
+  if (frame.has(CanFrame::kFd)) {
+    if (frame.has(CanFrame::kRemote) || frame.has(CanFrame::kError)) return false;
+    return frame.num_bytes <= CanFrame::kBytesMax && fd_length(frame.num_bytes) == frame.num_bytes;
+  }
+  if (frame.has(CanFrame::kBitRateSwitch) || frame.has(CanFrame::kErrorStateIndicator))
+    return false;
+  return frame.num_bytes <= 8;
+}
+
+std::uint8_t fd_length(std::size_t num_bytes) {
+  return *std::lower_bound(kFdLengths.begin(), kFdLengths.end(), num_bytes);
+}
+
+}  // namespace holdfast

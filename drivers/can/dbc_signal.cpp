@@ -1,0 +1,246 @@
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "drivers/can/dbc.h"
+
+namespace holdfast {
+namespace {
+
+// Low bits set; num_bits is 1..64.
+std::uint64_t mask(int num_bits) {
+  return ~std::uint64_t{0} >> (64 - num_bits);
+}
+
+// Calls visit(byte index, lowest bit, bits taken) for each byte that the signal touches, from the
+// least significant bits up for Intel order and from the most significant down for Motorola.
+template <class Visit>
+void for_each_piece(const DbcSignal& signal, Visit visit) {
+  auto byte = static_cast<std::size_t>(signal.start_bit / 8);
+  int bit = signal.start_bit % 8;
+  for (int left = signal.num_bits; left > 0; ++byte) {
+    const int room = signal.is_little_endian ? 8 - bit : bit + 1;
+    const int taken = std::min(room, left);
+    visit(byte, signal.is_little_endian ? bit : bit + 1 - taken, taken);
+    left -= taken;
+    bit = signal.is_little_endian ? 0 : 7;
+  }
+}
+
+// Raw bits nearest to the value, for an integer signal; false when it lies outside the range.
+bool nearest_integer(const DbcSignal& signal, double value, std::uint64_t& raw) {
+  raw = 0;
+  if (std::isnan(value)) return false;
+  const bool is_signed = signal.kind == DbcSignal::Kind::kSigned;
+  const int magnitude_bits = is_signed ? signal.num_bits - 1 : signal.num_bits;
+  const double above = std::ldexp(1.0, magnitude_bits);  // first value that is too large
+  const double low = is_signed ? -above : 0.0;
+  const double rounded = std::round(value);
+  if (rounded >= above) {
+    raw = magnitude_bits == 0 ? 0 : mask(magnitude_bits);
+    return false;
+  }
+  if (rounded < low) {
+    raw = is_signed ? ~std::uint64_t{0} << magnitude_bits : 0;
+    return false;
+  }
+  raw = is_signed ? static_cast<std::uint64_t>(static_cast<std::int64_t>(rounded))
+                  : static_cast<std::uint64_t>(rounded);
+  return true;
+}
+
+// Conversion of a finite double beyond the float range is undefined, so it is cut before.
+bool nearest_float(double value, float& nearest) {
+  constexpr double kMax = std::numeric_limits<float>::max();
+  if (std::isfinite(value) && std::abs(value) > kMax) {
+    nearest = static_cast<float>(std::copysign(kMax, value));
+    return false;
+  }
+  nearest = static_cast<float>(value);
+  return true;
+}
+
+// Length of the UTF-8 sequence at the start of the text; 0 when it is none.
+std::size_t utf8_sequence(std::string_view text) {
+  const auto at = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned first = at(0);
+  if (first < 0x80) return 1;
+  const std::size_t length = first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : 2;
+  if (first < 0xC2 || first > 0xF4 || text.size() < length) return 0;
+  for (std::size_t i = 1; i < length; ++i) {
+    if ((at(i) & 0xC0U) != 0x80U) return 0;
+  }
+  // Overlong forms, surrogates and what lies beyond U+10FFFF.
+  if ((first == 0xE0 && at(1) < 0xA0) || (first == 0xED && at(1) > 0x9F)) return 0;
+  if ((first == 0xF0 && at(1) < 0x90) || (first == 0xF4 && at(1) > 0x8F)) return 0;
+  return length;
+}
+
+void append_utf8(std::string& text, unsigned code) {
+  if (code < 0x80) {
+    text += static_cast<char>(code);
+  } else if (code < 0x800) {
+    text += static_cast<char>(0xC0U | (code >> 6U));
+    text += static_cast<char>(0x80U | (code & 0x3FU));
+  } else {
+    text += static_cast<char>(0xE0U | (code >> 12U));
+    text += static_cast<char>(0x80U | ((code >> 6U) & 0x3FU));
+    text += static_cast<char>(0x80U | (code & 0x3FU));
+  }
+}
+
+// Windows-1252 bytes 0x80..0x9F; those without a character stand for themselves.
+constexpr std::array<unsigned, 32> kWindows1252 = {
+    0x20AC, 0x81,   0x201A, 0x0192, 0x201E, 0x2026, 0x2020, 0x2021, 0x02C6, 0x2030, 0x0160,
+    0x2039, 0x0152, 0x8D,   0x017D, 0x8F,   0x90,   0x2018, 0x2019, 0x201C, 0x201D, 0x2022,
+    0x2013, 0x2014, 0x02DC, 0x2122, 0x0161, 0x203A, 0x0153, 0x9D,   0x017E, 0x0178};
+
+}  // namespace
+
+std::uint64_t DbcSignal::raw(std::span<const std::uint8_t> data) const {
+  std::uint64_t bits = 0;
+  int done = 0;
+  for_each_piece(*this, [&](std::size_t byte, int low, int taken) {
+    const std::uint64_t piece = (static_cast<std::uint64_t>(data[byte]) >> low) & mask(taken);
+    bits = is_little_endian ? bits | (piece << done) : (bits << taken) | piece;
+    done += taken;
+  });
+  if (kind == Kind::kSigned && ((bits >> (num_bits - 1)) & 1U) != 0) bits |= ~mask(num_bits);
+  return bits;
+}
+
+void DbcSignal::set_raw(std::span<std::uint8_t> data, std::uint64_t raw) const {
+  int done = 0;
+  for_each_piece(*this, [&](std::size_t byte, int low, int taken) {
+    const int shift = is_little_endian ? done : num_bits - done - taken;
+    const auto kept = static_cast<std::uint64_t>(data[byte]) & ~(mask(taken) << low);
+    data[byte] = static_cast<std::uint8_t>(kept | (((raw >> shift) & mask(taken)) << low));
+    done += taken;
+  });
+}
+
+double DbcSignal::unpack(std::span<const std::uint8_t> data) const {
+  const std::uint64_t bits = raw(data);
+  double value = 0.0;
+  switch (kind) {
+    case Kind::kUnsigned:
+      value = static_cast<double>(bits);
+      break;
+    case Kind::kSigned:
+      value = static_cast<double>(static_cast<std::int64_t>(bits));
+      break;
+    case Kind::kFloat32:
+      value = std::bit_cast<float>(static_cast<std::uint32_t>(bits));
+      break;
+    case Kind::kFloat64:
+      value = std::bit_cast<double>(bits);
+      break;
+  }
+  return value * scale + offset;
+}
+
+bool DbcSignal::pack(std::span<std::uint8_t> data, double value) const {
+  const double unscaled = (value - offset) / scale;
+  bool is_representable = true;
+  std::uint64_t bits = 0;
+  if (kind == Kind::kFloat64) {
+    bits = std::bit_cast<std::uint64_t>(unscaled);
+  } else if (kind == Kind::kFloat32) {
+    float nearest = 0.0F;
+    is_representable = nearest_float(unscaled, nearest);
+    bits = std::bit_cast<std::uint32_t>(nearest);
+  } else {
+    is_representable = nearest_integer(*this, unscaled, bits);
+  }
+  set_raw(data, bits);
+  return is_representable;
+}
+
+bool DbcSignal::fits(std::size_t num_bytes) const {
+  if (start_bit < 0 || num_bits < 1 || num_bits > 64) return false;
+  // Counted from the first bit on the wire for Motorola, from bit 0 for Intel.
+  const int first = is_little_endian ? start_bit : start_bit / 8 * 8 + 7 - start_bit % 8;
+  const std::size_t bits = num_bytes * 8;
+  return static_cast<std::size_t>(start_bit) < bits &&
+         static_cast<std::size_t>(first) + static_cast<std::size_t>(num_bits) <= bits;
+}
+
+bool DbcSignal::is_selected_by(std::int64_t selector) const {
+  if (selector_ranges.empty()) return selector == selector_value;
+  return std::any_of(selector_ranges.begin(), selector_ranges.end(), [&](const auto& range) {
+    return range.first <= selector && selector <= range.second;
+  });
+}
+
+const DbcSignal* DbcMessage::find(const std::string& signal_name) const {
+  for (const DbcSignal& signal : signals) {
+    if (signal.name == signal_name) return &signal;
+  }
+  return nullptr;
+}
+
+const DbcSignal* DbcMessage::selector() const {
+  for (const DbcSignal& signal : signals) {
+    if (signal.multiplexing == DbcSignal::Multiplexing::kSelector) return &signal;
+  }
+  return nullptr;
+}
+
+bool DbcMessage::carries(const DbcSignal& signal, std::span<const std::uint8_t> data) const {
+  if (signal.multiplexing != DbcSignal::Multiplexing::kMultiplexed) return true;
+  const DbcSignal* switch_signal = selector();
+  return switch_signal != nullptr &&
+         signal.is_selected_by(static_cast<std::int64_t>(switch_signal->raw(data)));
+}
+
+CanFrame DbcMessage::empty_frame() const {
+  CanFrame frame;
+  frame.identifier = identifier;
+  if (is_extended) frame.flags |= CanFrame::kExtended;
+  if (is_fd) frame.flags |= CanFrame::kFd;
+  frame.num_bytes = is_fd ? fd_length(num_bytes) : num_bytes;
+  return frame;
+}
+
+bool DbcMessage::matches(const CanFrame& frame) const {
+  return frame.identifier == identifier && frame.has(CanFrame::kExtended) == is_extended &&
+         !frame.has(CanFrame::kRemote) && !frame.has(CanFrame::kError) &&
+         frame.has(CanFrame::kFd) == is_fd &&
+         frame.num_bytes == (is_fd ? fd_length(num_bytes) : num_bytes);
+}
+
+const DbcMessage* Dbc::find(const std::string& name) const {
+  for (const DbcMessage& message : messages) {
+    if (message.name == name) return &message;
+  }
+  return nullptr;
+}
+
+const DbcMessage* Dbc::find(std::uint32_t identifier, bool is_extended) const {
+  for (const DbcMessage& message : messages) {
+    if (message.identifier == identifier && message.is_extended == is_extended) return &message;
+  }
+  return nullptr;
+}
+
+std::string utf8_text(std::string_view text) {
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  std::size_t valid = 0;
+  while (valid < text.size()) {
+    const std::size_t length = utf8_sequence(text.substr(valid));
+    if (length == 0) break;
+    valid += length;
+  }
+  if (valid == text.size()) return std::string(text);
+  std::string converted;
+  converted.reserve(text.size() + text.size() / 8);
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    append_utf8(converted, byte >= 0x80 && byte < 0xA0 ? kWindows1252[byte - 0x80U] : byte);
+  }
+  return converted;
+}
+
+}  // namespace holdfast

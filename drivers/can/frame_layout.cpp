@@ -1,0 +1,209 @@
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "common/errors.h"
+#include "drivers/can/frame_codec.h"
+
+namespace holdfast {
+namespace {
+
+constexpr std::size_t kProblemsShown = 20;
+
+template <class Items>
+std::string names_of(const Items& items) {
+  constexpr std::size_t kNamesShown = 24;
+  std::string list;
+  for (std::size_t i = 0; i < items.size() && i < kNamesShown; ++i) {
+    list += (i == 0 ? "" : ", ") + items[i].name;
+  }
+  if (items.size() > kNamesShown) list += ", ...";
+  return list.empty() ? "none" : list;
+}
+
+// Name of the DBC for messages; empty when there is no text to read.
+std::string read_dbc_text(ConfigurationMap& map, const std::string& folder, std::string& text) {
+  std::string file;
+  const bool has_file = map.has("dbc");
+  if (has_file && map.has("dbc_text")) map.problem("dbc", "give dbc or dbc_text, not both");
+  if (!has_file && !map.has("dbc_text")) map.require("dbc");
+  map.read("dbc", file);
+  map.forget("dbc");
+  map.read("dbc_text", text);
+  if (!has_file) return map.has("dbc_text") ? "dbc_text" : "";
+  if (file.empty()) return "";
+  const std::filesystem::path path = std::filesystem::path(folder) / file;
+  std::ifstream stream(path, std::ios::binary);
+  std::ostringstream content;
+  // A folder opens like a file and only fails when it is read.
+  if (!stream || !(content << stream.rdbuf())) {
+    map.problem("dbc", path.string() + " cannot be read, or is empty");
+    return "";
+  }
+  text = utf8_text(content.str());
+  map.resolve("dbc_text", YAML::Node(text));
+  return path.string();
+}
+
+void report_dbc_problems(const Dbc& dbc, const std::string& name, ConfigurationMap& map) {
+  const std::string key = name == "dbc_text" ? "dbc_text" : "dbc";
+  for (std::size_t i = 0; i < dbc.problems.size() && i < kProblemsShown; ++i) {
+    const DbcProblem& problem = dbc.problems[i];
+    map.problem(key, name + ":" + std::to_string(problem.line) + ":" +
+                         std::to_string(problem.column) + ": " + problem.text);
+  }
+  if (dbc.problems.size() > kProblemsShown) {
+    map.problem(key, name + ": and " + std::to_string(dbc.problems.size() - kProblemsShown) +
+                         " more problems");
+  }
+}
+
+// Why the signal cannot count steps; empty when it can.
+std::string counter_fault(const DbcSignal& signal) {
+  if (signal.kind == DbcSignal::Kind::kUnsigned && signal.scale == 1.0 && signal.offset == 0.0)
+    return "";
+  return "'" + signal.name +
+         "' must be an unsigned integer with scale 1 and offset 0 to count steps";
+}
+
+// Writing one of two overlapping signals would change the other. Empty when none overlap.
+std::string overlapping_signal(const std::vector<const DbcSignal*>& signals) {
+  std::array<std::uint8_t, CanFrame::kBytesMax> used{};
+  for (const DbcSignal* signal : signals) {
+    std::array<std::uint8_t, CanFrame::kBytesMax> bits{};
+    signal->set_raw(bits, ~std::uint64_t{0});
+    for (std::size_t i = 0; i < bits.size(); ++i) {
+      if ((used[i] & bits[i]) != 0) return signal->name;
+      used[i] = static_cast<std::uint8_t>(used[i] | bits[i]);
+    }
+  }
+  return "";
+}
+
+class LayoutCheck {
+ public:
+  LayoutCheck(const FrameLayout& layout, ConfigurationMap& map) : layout_(layout), map_(map) {}
+
+  void check_tick(ConfigurationMap tick) {
+    const DbcMessage* message = layout_.dbc.find(layout_.tick_message);
+    if (message == nullptr) {
+      is_good_ = false;
+      tick.problem("message", "'" + layout_.tick_message + "' is no message of the DBC; it has " +
+                                  names_of(layout_.dbc.messages));
+      return;
+    }
+    const DbcSignal* signal = message->find(layout_.tick_signal);
+    const std::string fault =
+        signal == nullptr ? no_signal(*message, layout_.tick_signal) : counter_fault(*signal);
+    if (fault.empty()) return;
+    is_good_ = false;
+    tick.problem("signal", fault);
+  }
+
+  void check_messages() {
+    std::set<std::string> seen;
+    for (const std::string& name : layout_.messages) {
+      const DbcMessage* message = layout_.dbc.find(name);
+      if (message == nullptr) {
+        problem("messages", "'" + name + "' is no message of the DBC; it has " +
+                                names_of(layout_.dbc.messages));
+      } else if (!seen.insert(name).second) {
+        problem("messages", "'" + name + "' is given twice");
+      } else if (name == layout_.tick_message) {
+        problem("messages", "'" + name + "' is the tick, which carries no reading");
+      } else {
+        check_signals(*message);
+      }
+    }
+  }
+
+  // What is left can only be told by making a codec: whether one frame can carry all the signals.
+  void check_codec() {
+    if (!is_good_ || layout_.messages.empty()) return;
+    try {
+      const FrameCodec codec(layout_);
+    } catch (const UsageError& error) {
+      problem("signals", error.what());
+    }
+  }
+
+ private:
+  static std::string no_signal(const DbcMessage& message, const std::string& name) {
+    return "message '" + message.name + "' has no signal '" + name + "'; it has " +
+           names_of(message.signals);
+  }
+  void problem(const char* key, const std::string& text) {
+    is_good_ = false;
+    map_.problem(key, text);
+  }
+
+  void check_signals(const DbcMessage& message) {
+    std::vector<const DbcSignal*> used;
+    for (const std::string& name : layout_.signals) {
+      const DbcSignal* signal = message.find(name);
+      if (signal == nullptr) {
+        problem("signals", no_signal(message, name));
+      } else {
+        used.push_back(signal);
+      }
+    }
+    if (!layout_.counter_signal.empty()) {
+      const DbcSignal* counter = message.find(layout_.counter_signal);
+      if (counter == nullptr) {
+        problem("counter_signal", no_signal(message, layout_.counter_signal));
+      } else {
+        check_counter(message, *counter);
+        used.push_back(counter);
+      }
+    }
+    const std::string overlapping = overlapping_signal(used);
+    if (overlapping.empty()) return;
+    problem("signals", "'" + overlapping + "' of message '" + message.name +
+                           "' shares bits with another signal in use");
+  }
+
+  void check_counter(const DbcMessage& message, const DbcSignal& counter) {
+    const std::string fault = counter_fault(counter);
+    if (!fault.empty()) problem("counter_signal", fault + " (message '" + message.name + "')");
+    if (counter_bits_ == 0) counter_bits_ = counter.num_bits;
+    if (counter.num_bits == counter_bits_) return;
+    problem("counter_signal", "has " + std::to_string(counter.num_bits) + " bits in message '" +
+                                  message.name + "', " + std::to_string(counter_bits_) +
+                                  " in others");
+  }
+
+  const FrameLayout& layout_;
+  ConfigurationMap& map_;
+  bool is_good_ = true;
+  int counter_bits_ = 0;
+};
+
+}  // namespace
+
+void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
+  std::string text;
+  const std::string name = read_dbc_text(map, folder, text);
+  map.require("messages");
+  map.read("messages", messages);
+  map.require("signals");
+  map.read("signals", signals);
+  map.read("counter_signal", counter_signal);
+  ConfigurationMap tick = map.map("tick");
+  tick.read("message", tick_message);
+  tick.read("signal", tick_signal);
+  if (map.has("messages") && messages.empty())
+    map.problem("messages", "at least one message is needed");
+  if (map.has("signals") && signals.empty())
+    map.problem("signals", "at least one signal is needed");
+  if (name.empty()) return;
+  dbc = parse_dbc(text);
+  report_dbc_problems(dbc, name, map);
+  LayoutCheck check(*this, map);
+  check.check_tick(tick);
+  check.check_messages();
+  check.check_codec();
+}
+
+}  // namespace holdfast

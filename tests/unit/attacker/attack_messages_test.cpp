@@ -1,0 +1,47 @@
+#include "attacker/attack_messages.h"
+
+#include <holdfast/attack_frame_t.hpp>
+
+#include "tests/support/catch.h"
+#include "tests/unit/attacker/proxy_bench.h"
+
+using namespace holdfast;
+using namespace holdfast::test;
+
+TEST_CASE("an attack record survives the way through its message") {
+  const std::vector<AttackRule> rules = rules_of(R"(
+attacks:
+  - {name: lie, match: {messages: [Flag1]}, action: flip, signal: DETECT, probability: 0.9}
+  - {name: cut, match: {messages: [Flag2]}, action: drop}
+  - {name: ghost, match: {messages: [Level]}, action: inject, signal: LEVEL, value: {value: 3}}
+)");
+  const std::vector<CanFrame> frames = steps_of(3, [](int step) -> std::vector<CanFrame> {
+    return {reading("Flag1", step, "DETECT", 1), reading("Flag2", step, "DETECT", 1)};
+  });
+  const Outcome outcome = run_proxy(rules, frames);
+  REQUIRE(outcome.records.size() >= 7);
+  attack_frame_t message;
+  for (const AttackRecord& record : outcome.records) {
+    to_message(record, rules, 0.5, message);
+    CHECK(message.utime == record.step * 500000);
+    CHECK(message.rule == rules[record.rule].name);
+    CHECK(message.action == to_string(rules[record.rule].action));
+    AttackRecord back;
+    REQUIRE(from_message(message, rules, back));
+    CHECK(back.disposition == record.disposition);
+    CHECK(back.rule == record.rule);
+    CHECK(back.step == record.step);
+    CHECK(back.rx_index == record.rx_index);
+    CHECK(back.tx_index == record.tx_index);
+    CHECK(back.draw_index == record.draw_index);
+    CHECK(back.draw == record.draw);
+    CHECK(back.original.same_on_wire(record.original));
+    CHECK(back.forwarded.same_on_wire(record.forwarded));
+  }
+  AttackRecord back;
+  message.rule = "nobody";
+  CHECK_FALSE(from_message(message, rules, back));
+  message.rule = "cut";
+  message.disposition = 3;
+  CHECK_FALSE(from_message(message, rules, back));
+}

@@ -1,0 +1,90 @@
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/catch.h"
+#include "tests/unit/tools/review/review_logs.h"
+
+namespace holdfast {
+namespace {
+
+using namespace review_test;
+
+struct Outcome {
+  int status = -1;
+  std::string output, errors;
+};
+
+Outcome run_review(const ScratchFolder& folder, const std::string& arguments) {
+  const std::string command = "'" + std::string(HOLDFAST_BINARY_DIR) + "/bin/holdfast-review' " + arguments +
+                              " >" + folder.file("stdout") + " 2>" + folder.file("stderr");
+  const int status = std::system(command.c_str());
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(folder.file("stdout")),
+          read_file(folder.file("stderr"))};
+}
+
+void write_short_run(const std::string& file, double x) {
+  LogWriter log(file);
+  write_meta(log);
+  for (std::int64_t k = 1; k <= 4; ++k) {
+    write_truth(log, k, {0, 0, 0, 0});
+    write_estimate(log, "EST_SECURE", k, {x, 0, 0, 0});
+    write_estimate(log, "EST_NEGLECT", k, {1, 0, 0, 0});
+  }
+}
+
+TEST_CASE("holdfast-review: exit status and output") {
+  const ScratchFolder folder;
+  const std::string a = folder.file("a"), b = folder.file("b");
+  write_short_run(a, 3.0);
+  write_short_run(b, 3.5);
+
+  const Outcome help = run_review(folder, "--help");
+  CHECK(help.status == 0);
+  CHECK(help.output.find("--compare live.lcm replay.lcm") != std::string::npos);
+  CHECK(run_review(folder, "--version").output.starts_with("holdfast-review "));
+
+  const Outcome two = run_review(folder, a + " " + b);
+  CHECK(two.status == 0);
+  CHECK(two.errors.empty());
+  CHECK(two.output.find("position m") != two.output.rfind("position m"));
+
+  const Outcome json = run_review(folder, a + " --json - --out " + folder.file("report") + " --labels " + folder.file("l.csv"));
+  CHECK(json.status == 0);
+  CHECK(nlohmann::json::parse(json.output)["estimators"][0]["rmse"]["position"]["value"] == 3.0);
+  CHECK(std::filesystem::exists(folder.file("report/path.svg")));
+  CHECK(std::filesystem::exists(folder.file("l.csv")));
+  CHECK(nlohmann::json::parse(run_review(folder, a + " " + b + " --json -").output).size() == 2);
+
+  CHECK(run_review(folder, "--compare " + a + " " + a).status == 0);
+  const Outcome different = run_review(folder, "--compare " + a + " " + b);
+  CHECK(different.status == 1);
+  CHECK(different.output.find("EST_SECURE step 1 mean[0]") != std::string::npos);
+  CHECK(run_review(folder, "--compare " + a + " " + b + " --channels EST_NEGLECT").status == 0);
+}
+
+TEST_CASE("holdfast-review: wrong use is status 2 and says what to do") {
+  const ScratchFolder folder;
+  write_short_run(folder.file("a"), 1.0);
+  {
+    LogWriter log(folder.file("none"));
+    write_truth(log, 1, {0, 0, 0, 0});
+  }
+  const Outcome none = run_review(folder, folder.file("none"));
+  CHECK(none.status == 2);
+  CHECK(none.errors.find("holds no RUN_META") != std::string::npos);
+  for (const std::string& arguments :
+       {std::string(), std::string("--nonsense"), folder.file("absent"), "--compare " + folder.file("a"),
+        folder.file("a") + " " + folder.file("a") + " --out x", "--compare " + folder.file("a") + " " + folder.file("absent"),
+        "--compare " + folder.file("a") + " " + folder.file("a") + " --channels '('", folder.file("a") + " --channels x"}) {
+    INFO(arguments);
+    const Outcome wrong = run_review(folder, arguments);
+    CHECK(wrong.status == 2);
+    CHECK_FALSE(wrong.errors.empty());
+  }
+  CHECK(run_review(folder, folder.file("a") + " --out /proc/none").status == 1);
+}
+
+}  // namespace
+}  // namespace holdfast

@@ -1,0 +1,79 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "attacker/attack_rule.h"
+#include "attacker/proxy_core.h"
+#include "common/models/binary_target/binary_target_model.h"
+#include "drivers/can/frame_codec.h"
+#include "drivers/measurement_assembler.h"
+#include "drivers/radio_channel.h"
+#include "estimators/estimator.h"
+#include "estimators/secure_particle_filter.h"
+#include "plant/binary_target_plant.h"
+
+namespace holdfast {
+
+/// One estimator of a scenario: one of ours, or an outside command.
+struct EstimatorEntry {
+  enum class Input { kReceived, kClean };
+
+  std::string name;
+  std::string command;             // of an outside program; empty for ours
+  Input input = Input::kReceived;  // kClean: sees what the sensors would have sent; campaign only
+  BinaryTargetModel model;         // what the estimator believes; the plant's unless overridden
+  BinaryTargetModel::Attack assumes;
+  SecureParticleFilterOptions particle_filter;
+
+  bool is_outside() const { return !command.empty(); }
+};
+
+/// States whose error is one number in every table.
+struct StateGroup {
+  std::string name;
+  std::vector<int> states;
+  std::string unit;
+};
+
+/// A scenario, read and checked: everything that a program needs to build its part.
+struct Experiment {
+  std::string name, description;
+  std::int64_t seed = 1;
+  std::int64_t num_steps = 100;
+  double period_s = 0.02;            // live pace of a step; 0: as fast as the bus goes
+
+  std::string plant_command;         // of an outside plant; empty for ours
+  BinaryTargetModel model;
+  BinaryTargetPlantOptions plant;
+
+  std::string sensor_bus = "auto", monitor_bus = "auto";   // URLs, "auto", or both "none"
+  FrameLayout layout;
+  AssemblerOptions assembler;
+  bool record_frames = true;
+
+  std::vector<AttackRule> rules;
+  std::vector<EstimatorEntry> estimators;
+  std::vector<std::string> state_names;
+  std::vector<StateGroup> state_groups;
+  std::int64_t campaign_runs = 100;
+
+  std::string resolved;              // YAML with every default written out, DBC text included
+
+  bool has_bus() const { return sensor_bus != "none"; }
+  const EstimatorEntry& estimator(const std::string& estimator_name) const;   // throws UsageError
+
+  std::unique_ptr<Plant> make_plant(std::uint32_t run) const;
+  std::unique_ptr<Estimator> make_estimator(const EstimatorEntry& entry, std::uint32_t run) const;
+  ProxyCore make_proxy(std::uint32_t run) const;
+  /// Null when the scenario has no radio channel.
+  std::unique_ptr<RadioChannel> make_radio_channel(std::uint32_t run) const;
+};
+
+/// Reads a scenario file. Throws ConfigurationError with every problem; overrides as "a.b=value".
+Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides = {});
+/// The same for text, such as RUN_META's; `place` stands for the file name in messages.
+Experiment experiment_from_text(const std::string& text, const std::string& place);
+
+}  // namespace holdfast

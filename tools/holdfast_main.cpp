@@ -1,0 +1,60 @@
+#include <unistd.h>
+
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "common/program.h"
+
+namespace {
+
+struct Command {
+  const char* name;
+  const char* does;
+};
+
+constexpr Command kCommands[] = {
+    {"run", "run a scenario live and print its results"},
+    {"campaign", "run a scenario many times in process"},
+    {"review", "errors, counters, labels and comparison of logs"},
+    {"plant", "simulate the plant of a scenario"},
+    {"attacker", "the man in the middle between two buses"},
+    {"can-driver", "frames of a bus to measurement sets"},
+    {"estimator", "run an estimator live or on a log"},
+};
+
+void list_commands(std::ostream& stream) {
+  stream << "usage: holdfast COMMAND [options]     (holdfast COMMAND --help tells more)\n\n";
+  for (const Command& command : kCommands) {
+    stream << "  " << command.name << std::string(12 - std::string(command.name).size(), ' ') << command.does << "\n";
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string name = argc > 1 ? argv[1] : "";
+  if (name.empty() || name == "--help" || name == "-h" || name == "help") {
+    list_commands(std::cout);
+    return 0;
+  }
+  if (name == "--version") {
+    std::cout << holdfast::version_line("holdfast") << "\n";
+    return 0;
+  }
+  for (const Command& command : kCommands) {
+    if (name != command.name) continue;
+    const std::string program =
+        (std::filesystem::read_symlink("/proc/self/exe").parent_path() / ("holdfast-" + name)).string();
+    std::vector<char*> arguments(argv + 1, argv + argc);
+    arguments[0] = const_cast<char*>(program.c_str());
+    arguments.push_back(nullptr);
+    execv(program.c_str(), arguments.data());
+    std::cerr << "holdfast: cannot run " << program << "\n";
+    return 1;
+  }
+  std::cerr << "holdfast: there is no command '" << name << "'\n\n";
+  list_commands(std::cerr);
+  return 2;
+}

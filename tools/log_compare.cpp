@@ -1,0 +1,312 @@
+#include "tools/log_compare.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <holdfast/attack_frame_t.hpp>
+#include <holdfast/attack_signal_t.hpp>
+#include <holdfast/can_frames_t.hpp>
+#include <holdfast/estimate_t.hpp>
+#include <holdfast/known_input_t.hpp>
+#include <holdfast/measurement_set_t.hpp>
+#include <holdfast/truth_t.hpp>
+#include <regex>
+#include <set>
+#include <span>
+
+#include "common/errors.h"
+#include "common/log_file.h"
+#include "tools/printable_text.h"
+
+namespace holdfast {
+namespace {
+
+using Bytes = std::span<const std::uint8_t>;
+
+constexpr std::size_t kFingerprintBytes = 8;
+constexpr std::string_view kIgnoredFields[] = {"seq", "measurement_seq", "receive_utime", "bus"};
+constexpr std::string_view kIntegerFields[] = {
+    "utime", "seq", "step", "measurement_seq", "input_step", "packet_rx_index", "index", "receive_utime",
+    "rx_index", "tx_index", "draw_index", "step_counter", "seed", "run", "counter_value",
+    "compute_time_ns", "latency_ns"};
+
+struct ChannelType {
+  const TypeLayout* layout;
+  std::int64_t fingerprint;
+  bool is_once_per_step;
+};
+
+template <class Message>
+ChannelType channel_type(bool is_once_per_step) {
+  return {layouts::of<Message>, Message::getHash(), is_once_per_step};
+}
+
+// The type that our channels carry; no layout for a channel that is none of ours.
+ChannelType type_of(const std::string& channel) {
+  if (channel.starts_with("EST_") || channel.starts_with("SMOOTHED_")) return channel_type<estimate_t>(true);
+  if (channel == "MEASUREMENT") return channel_type<measurement_set_t>(true);
+  if (channel == "PLANT_TRUTH") return channel_type<truth_t>(true);
+  if (channel == "KNOWN_INPUT") return channel_type<known_input_t>(true);
+  if (channel == "ATTACK_SIGNAL") return channel_type<attack_signal_t>(false);
+  if (channel == "ATTACK_FRAME") return channel_type<attack_frame_t>(false);
+  if (channel == "CAN_RX" || channel == "CAN_TX") return channel_type<can_frames_t>(false);
+  return {nullptr, 0, false};
+}
+
+bool is_left_out(const std::string& channel) {
+  return channel == "RUN_META" || channel.starts_with("TIMING_") || channel.starts_with("STATUS_");
+}
+
+// One value in a message, with the path to it.
+struct Leaf {
+  std::string path;
+  std::uint64_t bits = 0;
+  std::string text;   // of a string; numbers are written when they are shown
+  const FieldLayout* field = nullptr;
+};
+
+// Reads a message that passed the guard, by its layout: every length has been checked.
+class Flattener {
+ public:
+  Flattener(Bytes bytes, std::vector<Leaf>& leaves) : bytes_(bytes), leaves_(leaves) {}
+
+  void read(const TypeLayout& type, const std::string& prefix) {
+    std::vector<std::int64_t> lengths(type.num_fields, 0);
+    for (std::size_t f = 0; f < type.num_fields; ++f) {
+      const FieldLayout& field = type.fields[f];
+      std::int64_t count = 1;
+      if (field.is_array) {
+        count = field.length_field >= 0 ? lengths[static_cast<std::size_t>(field.length_field)]
+                                        : static_cast<std::int64_t>(field.fixed_length);
+      }
+      const bool is_ignored = std::ranges::find(kIgnoredFields, std::string_view(field.name)) != std::end(kIgnoredFields);
+      for (std::int64_t i = 0; i < count; ++i) {
+        std::string path = prefix + field.name;
+        if (field.is_array) path += '[' + std::to_string(i) + ']';
+        if (field.kind == FieldKind::kStruct) {
+          read(*field.nested, path + '.');
+          continue;
+        }
+        Leaf leaf{std::move(path), 0, "", &field};
+        if (field.kind == FieldKind::kString) {
+          const auto size = static_cast<std::size_t>(take(4));
+          leaf.text.assign(bytes_.begin(), bytes_.begin() + static_cast<std::ptrdiff_t>(size) - 1);
+          bytes_ = bytes_.subspan(size);
+        } else {
+          leaf.bits = take(field.element_bytes);
+        }
+        if (field.kind == FieldKind::kLength) lengths[f] = static_cast<std::int32_t>(leaf.bits);
+        if (!is_ignored) leaves_.push_back(std::move(leaf));
+      }
+    }
+  }
+
+ private:
+  std::uint64_t take(std::size_t count) {
+    std::uint64_t value = 0;
+    for (std::size_t i = 0; i < count; ++i) value = (value << 8) | bytes_[i];
+    bytes_ = bytes_.subspan(count);
+    return value;
+  }
+
+  Bytes bytes_;
+  std::vector<Leaf>& leaves_;
+};
+
+std::string shown(const Leaf& leaf) {
+  if (leaf.field->kind == FieldKind::kString) return '\'' + printable(leaf.text, 80) + '\'';
+  if (leaf.field->element_bytes == 8 && !is_integer_field(leaf.field->name)) {
+    const auto value = std::bit_cast<double>(leaf.bits);
+    char text[64];
+    std::snprintf(text, sizeof text, std::isnan(value) ? "%g (0x%016llx)" : "%.17g", value,
+                  static_cast<unsigned long long>(leaf.bits));
+    return text;
+  }
+  const int unused_bits = 64 - 8 * static_cast<int>(leaf.field->element_bytes);
+  return std::to_string(static_cast<std::int64_t>(leaf.bits << unused_bits) >> unused_bits);
+}
+
+// Messages of one log by channel and step; for channels that are none of ours all stand at step 0.
+struct LogMessages {
+  using BySteps = std::map<std::int64_t, std::vector<std::vector<std::uint8_t>>>;
+  std::map<std::string, BySteps> channels;
+  std::map<std::string, std::int64_t> refused;
+};
+
+// Step of a message: every type of ours that has a step has it as third field.
+std::int64_t step_of(Bytes bytes) {
+  std::uint64_t value = 0;
+  for (std::size_t i = 0; i < 8; ++i) value = (value << 8) | bytes[kFingerprintBytes + 16 + i];
+  return static_cast<std::int64_t>(value);
+}
+
+class LogComparison {
+ public:
+  LogComparison(const CompareOptions& options, CompareResult& result) : options_(options), result_(result) {}
+
+  LogMessages read(const std::string& file, const std::regex& wanted) {
+    LogMessages log;
+    LogReader reader(file);
+    LogEvent event;
+    while (reader.next(event)) {
+      if (is_left_out(event.channel) || !std::regex_match(event.channel, wanted)) continue;
+      const ChannelType type = type_of(event.channel);
+      if (type.layout == nullptr) {
+        log.channels[event.channel][0].push_back(event.data);
+      } else if (check_wire(*type.layout, type.fingerprint, event.data) != GuardVerdict::kOk) {
+        ++log.refused[event.channel];
+      } else {
+        log.channels[event.channel][step_of(event.data)].push_back(event.data);
+      }
+    }
+    describe(file, log, reader);
+    return log;
+  }
+
+  void compare(const LogMessages& a, const LogMessages& b) {
+    std::set<std::string> channels;
+    for (const auto& [channel, steps] : a.channels) channels.insert(channel);
+    for (const auto& [channel, steps] : b.channels) channels.insert(channel);
+    for (const std::string& channel : channels) {
+      const auto in_a = a.channels.find(channel), in_b = b.channels.find(channel);
+      if (in_a == a.channels.end() || in_b == b.channels.end()) {
+        result_.problems.push_back(printable(channel, 60) + " stands only in " +
+                                   (in_a == a.channels.end() ? "B" : "A"));
+        continue;
+      }
+      compare_channel(channel, in_a->second, in_b->second);
+    }
+  }
+
+ private:
+  void describe(const std::string& file, const LogMessages& log, const LogReader& reader) {
+    const std::string place = printable(file) + ": ";
+    if (reader.damaged_bytes() > 0) {
+      result_.notes.push_back(place + std::to_string(reader.damaged_bytes()) + " damaged bytes were skipped");
+    }
+    if (reader.tail_is_torn()) result_.notes.push_back(place + "ends in the middle of an event");
+    for (const auto& [channel, count] : log.refused) {
+      result_.notes.push_back(place + std::to_string(count) + " events on " + printable(channel, 60) +
+                              " are no messages of ours and were left out");
+    }
+    for (const auto& [channel, steps] : log.channels) {
+      if (!type_of(channel).is_once_per_step) continue;
+      const auto repeated = std::count_if(steps.begin(), steps.end(),
+                                          [](const auto& entry) { return entry.second.size() > 1; });
+      if (repeated == 0) continue;
+      result_.notes.push_back(place + printable(channel, 60) + " holds " + std::to_string(repeated) +
+                              " steps more than once: two producers, or two runs in one log");
+    }
+  }
+
+  void compare_channel(const std::string& channel, const LogMessages::BySteps& a, const LogMessages::BySteps& b) {
+    static const std::vector<std::vector<std::uint8_t>> kNone;
+    std::int64_t uneven_steps = 0, first_uneven = 0, in_a = 0, in_b = 0;
+    std::set<std::int64_t> steps;
+    for (const auto& [step, messages] : a) steps.insert(step);
+    for (const auto& [step, messages] : b) steps.insert(step);
+    for (const std::int64_t step : steps) {
+      const auto found_a = a.find(step), found_b = b.find(step);
+      const auto& messages_a = found_a == a.end() ? kNone : found_a->second;
+      const auto& messages_b = found_b == b.end() ? kNone : found_b->second;
+      in_a += static_cast<std::int64_t>(messages_a.size());
+      in_b += static_cast<std::int64_t>(messages_b.size());
+      if (messages_a.size() != messages_b.size() && uneven_steps++ == 0) first_uneven = step;
+      const std::size_t both = std::min(messages_a.size(), messages_b.size());
+      for (std::size_t i = 0; i < both; ++i) compare_message(channel, step, messages_a[i], messages_b[i]);
+    }
+    if (uneven_steps > 0) {
+      result_.problems.push_back(printable(channel, 60) + ": " + std::to_string(in_a) + " messages in A, " +
+                                 std::to_string(in_b) + " in B; " + std::to_string(uneven_steps) +
+                                 " steps do not have as many in both, the first is step " +
+                                 std::to_string(first_uneven));
+    }
+  }
+
+  void compare_message(const std::string& channel, std::int64_t step, Bytes a, Bytes b) {
+    ++result_.compared;
+    ++result_.compared_by_channel[channel];
+    const ChannelType type = type_of(channel);
+    if (type.layout == nullptr) {
+      if (std::ranges::equal(a, b)) return;
+      ++result_.differing;
+      tell({channel, step, "(bytes)", std::to_string(a.size()) + " bytes", std::to_string(b.size()) + " bytes"});
+      return;
+    }
+    leaves_a_.clear();
+    leaves_b_.clear();
+    Flattener(a.subspan(kFingerprintBytes), leaves_a_).read(*type.layout, "");
+    Flattener(b.subspan(kFingerprintBytes), leaves_b_).read(*type.layout, "");
+    bool is_same = leaves_a_.size() == leaves_b_.size();
+    for (std::size_t i = 0; i < std::min(leaves_a_.size(), leaves_b_.size()); ++i) {
+      const Leaf &in_a = leaves_a_[i], &in_b = leaves_b_[i];
+      // After arrays of different lengths, which have been told, the rest stands at other places.
+      if (in_a.path != in_b.path) break;
+      if (in_a.bits == in_b.bits && in_a.text == in_b.text) continue;
+      is_same = false;
+      tell({channel, step, in_a.path, shown(in_a), shown(in_b)});
+    }
+    if (!is_same) ++result_.differing;
+  }
+
+  void tell(FieldDifference difference) {
+    if (result_.differences.size() < options_.differences_max) result_.differences.push_back(std::move(difference));
+  }
+
+  const CompareOptions& options_;
+  CompareResult& result_;
+  std::vector<Leaf> leaves_a_, leaves_b_;
+};
+
+std::regex parse_expression(const std::string& text) {
+  try {
+    return std::regex(text);
+  } catch (const std::regex_error&) {
+    throw UsageError("--channels '" + printable(text) + "' is no regular expression; an example: 'EST_.*|MEASUREMENT'");
+  }
+}
+
+}  // namespace
+
+bool is_integer_field(std::string_view name) {
+  return std::ranges::find(kIntegerFields, name) != std::end(kIntegerFields);
+}
+
+CompareResult compare_logs(const std::string& file_a, const std::string& file_b, const CompareOptions& options) {
+  const std::regex wanted = parse_expression(options.channels);
+  CompareResult result;
+  LogComparison comparison(options, result);
+  const LogMessages a = comparison.read(file_a, wanted);
+  const LogMessages b = comparison.read(file_b, wanted);
+  comparison.compare(a, b);
+  std::error_code ignored;
+  if (std::filesystem::equivalent(file_a, file_b, ignored)) {
+    result.notes.push_back("A and B are the same file");
+  }
+  if (result.compared == 0) {
+    result.problems.push_back("nothing was compared: no message on a channel that matches '" +
+                              printable(options.channels) + "' stands in both logs");
+  }
+  result.is_equal = result.differing == 0 && result.problems.empty();
+  return result;
+}
+
+std::string CompareResult::text() const {
+  std::string text;
+  for (const auto& [channel, count] : compared_by_channel) {
+    text += printable(channel, 60) + ": " + std::to_string(count) + " messages compared\n";
+  }
+  for (const FieldDifference& d : differences) {
+    text += printable(d.channel, 60) + " step " + std::to_string(d.step) + ' ' + d.field + ":\n  A " +
+            d.value_a + "\n  B " + d.value_b + '\n';
+  }
+  for (const std::string& problem : problems) text += problem + '\n';
+  for (const std::string& note : notes) text += "note: " + note + '\n';
+  if (is_equal) return text + "equal to the bit\n";
+  return text + "NOT equal: " + std::to_string(differing) + " of " + std::to_string(compared) +
+         " compared messages differ\n";
+}
+
+}  // namespace holdfast

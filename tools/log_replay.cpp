@@ -1,0 +1,65 @@
+#include "tools/log_replay.h"
+
+#include <holdfast/estimate_t.hpp>
+#include <holdfast/measurement_set_t.hpp>
+#include <holdfast/run_meta_t.hpp>
+
+#include "common/log_file.h"
+#include "common/measurement_messages.h"
+#include "common/run_meta.h"
+#include "common/status.h"
+#include "estimators/estimate_messages.h"
+#include "estimators/estimator_session.h"
+#include "tools/experiment.h"
+
+namespace holdfast {
+namespace {
+
+struct Replayed {
+  std::string channel;
+  std::unique_ptr<Estimator> estimator;
+  EstimatorSession session;
+};
+
+}  // namespace
+
+void replay_log(const std::string& log_file, const std::string& out_file, const std::string& name) {
+  const RunMeta meta = read_run_meta(log_file);
+  const Experiment experiment = experiment_from_text(meta.scenario, log_file + " (RUN_META)");
+  std::vector<Replayed> replayed;
+  if (!name.empty()) experiment.estimator(name);
+  for (const EstimatorEntry& entry : experiment.estimators) {
+    const bool is_wanted = name.empty() || entry.name == name;
+    if (!is_wanted || entry.is_outside() || entry.input == EstimatorEntry::Input::kClean) continue;
+    auto estimator = experiment.make_estimator(entry, static_cast<std::uint32_t>(meta.run));
+    EstimatorSession session(*estimator, experiment.num_steps, experiment.model.step_s);
+    replayed.push_back({channel_name("EST_", entry.name), std::move(estimator), std::move(session)});
+  }
+  if (replayed.empty()) throw UsageError(log_file + ": its scenario has no estimator that could be run again");
+
+  LogReader reader(log_file);
+  LogWriter writer(out_file);
+  run_meta_t meta_message = to_message(meta);
+  writer.write_message("RUN_META", 0, meta_message);
+  LogEvent event;
+  measurement_set_t message;
+  estimate_t out;
+  MeasurementSet set;
+  std::int64_t num_sets = 0;
+  while (reader.next(event)) {
+    if (event.channel != "MEASUREMENT" || !decode_guarded(event.data, message)) continue;
+    ++num_sets;
+    writer.write(event.channel, message.utime, event.data);
+    from_message(message, set);
+    for (Replayed& one : replayed) {
+      one.session.on_set(set, [&](const Estimate& estimate) {
+        to_message(estimate, out);
+        writer.write_message(one.channel, estimate.utime, out);
+      });
+    }
+  }
+  if (num_sets == 0) throw UsageError(log_file + ": holds no measurement set");
+  writer.flush();
+}
+
+}  // namespace holdfast

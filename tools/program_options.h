@@ -1,0 +1,44 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "common/program.h"
+#include "tools/experiment.h"
+
+namespace holdfast {
+
+/// Options that every live program has.
+struct ProgramOptions {
+  std::string scenario;
+  std::vector<std::string> overrides;
+  std::string lcm_url;
+  std::string owned_bus;
+
+  void add_scenario(CLI::App& app) {
+    app.add_option("--scenario,scenario", scenario, "Scenario file (YAML)")->required();
+    app.add_option("--set", overrides, "Override a key: path.to.key=value (repeatable)")->expected(1);
+  }
+  void add_lcm(CLI::App& app) {
+    app.add_option("--lcm-url", lcm_url, "LCM URL [$LCM_DEFAULT_URL, else udpm with ttl=0]");
+  }
+  void add_owned_bus(CLI::App& app) {
+    app.add_option("--i-own-this-bus", owned_bus,
+                   "URL of a bus that is no virtual one and that you may write to");
+  }
+  Experiment load() const { return load_experiment(scenario, overrides); }
+};
+
+/// Adds --version, parses, and returns -1 to go on or an exit status: 0 after help, 2 for wrong use.
+inline int parse_command_line(CLI::App& app, const std::string& name, int argc, char** argv) {
+  app.set_version_flag("--version", version_line(name));
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  }
+  return -1;
+}
+
+}  // namespace holdfast

@@ -1,0 +1,30 @@
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "tools/launcher.h"
+#include "tools/program_options.h"
+
+int main(int argc, char** argv) {
+  CLI::App app{"Runs a scenario live: plant, attacker, driver, estimators, log, results table."};
+  app.footer(
+      "Examples:\n"
+      "  holdfast-run scenarios/binary_tracking.yaml\n"
+      "  holdfast-run scenarios/binary_tracking.yaml --set seed=7 --set attacks.flip.probability=0.2");
+  holdfast::LaunchOptions options;
+  app.add_option("scenario,--scenario", options.scenario, "Scenario file (YAML)")->required();
+  app.add_option("--set", options.overrides, "Override a key: path.to.key=value (repeatable)")->expected(1);
+  app.add_option("--lcm-url", options.lcm_url, "LCM URL [a free port on loopback]");
+  app.add_option("--runs", options.runs_folder, "Folder for the run's folder [runs]");
+  app.add_option("--stall-timeout", options.stall_timeout_s, "Seconds without a new step that end the run [20]")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--i-own-this-bus", options.owned_bus,
+                 "URL of a bus that is no virtual one and that you may write to");
+  const int status = holdfast::parse_command_line(app, "holdfast-run", argc, argv);
+  if (status >= 0) return status;
+  return holdfast::run_program("holdfast-run", [&] {
+    options.program_folder = std::filesystem::read_symlink("/proc/self/exe").parent_path().string();
+    options.shows_progress = isatty(STDOUT_FILENO) != 0;
+    return holdfast::launch(options);
+  });
+}

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "tools/experiment.h"
+
+namespace holdfast {
+
+/// One run of an experiment in process, without bus or clock: the same plant, codec, attacker core,
+/// assembler, radio channel and estimators as the live processes.
+class Simulation {
+ public:
+  /// Estimators that are outside commands are left out.
+  Simulation(const Experiment& experiment, std::uint32_t run);
+
+  /// Takes the next step; false after the last one.
+  bool advance();
+
+  const PlantStep& truth() const { return *truth_; }
+  /// Z_k as received, radio channel included.
+  const MeasurementSet& measurements() const { return received_; }
+  const std::vector<const EstimatorEntry*>& entries() const { return entries_; }
+  /// estimates()[i] belongs to entries()[i].
+  const std::vector<const Estimate*>& estimates() const { return estimates_; }
+  const std::vector<AttackRecord>& attack_records() const { return records_; }   // of this step
+  const std::vector<CanFrame>& sent_frames() const { return sent_; }             // of this step
+
+ private:
+  void pass_bus(const std::vector<std::vector<double>>& readings, MeasurementAssembler& assembler,
+                bool is_attacked, MeasurementSet& set);
+
+  const Experiment& experiment_;
+  FrameCodec codec_;
+  std::unique_ptr<Plant> plant_;
+  ProxyCore proxy_;
+  MeasurementAssembler assembler_, clean_assembler_;
+  std::unique_ptr<RadioChannel> radio_;
+  std::vector<const EstimatorEntry*> entries_;
+  std::vector<std::unique_ptr<Estimator>> estimators_;
+  std::vector<const Estimate*> estimates_;
+  const PlantStep* truth_ = nullptr;
+  MeasurementSet received_, clean_;
+  bool needs_clean_ = false;
+  std::vector<CanFrame> sent_;
+  std::vector<AttackRecord> records_;
+  Eigen::VectorXd known_input_;
+  std::int64_t step_ = 0;
+};
+
+}  // namespace holdfast
