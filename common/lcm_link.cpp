@@ -26,21 +26,25 @@ struct LcmLink::Subscription {
   RawHandler handler;
   LinkCounters* counters = nullptr;
 
-  void on_message(const lcm::ReceiveBuffer* buffer, const std::string& name) {
+  static void on_message(const lcm_recv_buf_t* buffer, const char* name, void* subscription) {
+    static_cast<Subscription*>(subscription)->handle(*buffer, name);
+  }
+
+  void handle(const lcm_recv_buf_t& buffer, const char* name) {
     // A regular expression's end also matches before a last line feed.
     if (name != channel) {
       ++counters->refused;
       ++counters->refused_by_verdict["wrong_channel"];
       return;
     }
-    if (buffer->data_size > kMessageBytesMax) {
+    if (buffer.data_size > kMessageBytesMax) {
       ++counters->refused;
       ++counters->refused_by_verdict["too_long"];
       return;
     }
     // An exception must not travel through LCM's C frames.
     try {
-      handler({static_cast<const std::uint8_t*>(buffer->data), buffer->data_size});
+      handler({static_cast<const std::uint8_t*>(buffer.data), buffer.data_size});
     } catch (...) {
       ++counters->handler_errors;
     }
@@ -97,10 +101,13 @@ void LcmLink::subscribe_raw(const std::string& channel, RawHandler handler) {
   // LCM opens its receiving socket at the first subscription.
   const bool is_first = port != 0 && subscriptions_.empty();
   const std::vector<int> sockets_before = is_first ? udp_sockets_on_port(port) : std::vector<int>{};
-  lcm::Subscription* handle = lcm_->subscribe(exact_channel_pattern(channel),
-                                              &Subscription::on_message, subscription.get());
+  // By LCM's C interface: its C++ one calls through a pointer to member, of which GCC's
+  // UndefinedBehaviorSanitizer says wrongly that it points to no object.
+  lcm_subscription_t* handle =
+      lcm_subscribe(lcm_->getUnderlyingLCM(), exact_channel_pattern(channel).c_str(),
+                    &Subscription::on_message, subscription.get());
   if (handle == nullptr) throw JobError("cannot subscribe to " + channel + " at " + url_);
-  handle->setQueueCapacity(options_.queue_capacity);
+  lcm_subscription_set_queue_capacity(handle, options_.queue_capacity);
   subscriptions_.push_back(std::move(subscription));
   if (is_first) protect_receiving(sockets_before);
 }

@@ -10,7 +10,7 @@ namespace holdfast {
 
 template <class Message>
 void LcmLink::subscribe(const std::string& channel, std::function<void(const Message&)> handler) {
-  static_assert(layouts::of<Message> != nullptr, "not a type of lcmtypes/");
+  static_assert(layouts::has<Message>, "not a type of lcmtypes/");
   // The decoded message lives with the subscription, so that its vectors keep their memory.
   auto message = std::make_shared<Message>();
   subscribe_raw(channel, [this, channel, message,

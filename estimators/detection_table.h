@@ -15,8 +15,8 @@ double detection_probability(const DetectionLaw& law, double d2_m2);
 /// q(d2) as a table of cubics, all sensors alike (spec: cells by exponent and top mantissa bits).
 ///
 /// Outside its interval q is constant to 1e-15. Cells are halved until the error half way between
-/// the nodes is below kErrorMax. Throws UsageError when 4096 cells per octave do not reach that
-/// (noise variance below about 1e-6 of the threshold's scale): such a law needs `exact`.
+/// the nodes is below kErrorMax. Throws UsageError when 4096 cells per octave do not reach that,
+/// the noise being too narrow for q to be smooth within a cell: such a law needs `exact`.
 class DetectionTable {
  public:
   static constexpr double kErrorMax = 2e-11;  // absolute, in q

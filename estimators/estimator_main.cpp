@@ -99,7 +99,7 @@ int main(int argc, char** argv) {
   holdfast::EstimatorOptions options;
   app.add_option("--scenario", options.scenario, "Scenario file (YAML)");
   app.add_option("--set", options.overrides, "Override a key: path.to.key=value (repeatable)")
-      ->expected(1);
+      ->allow_extra_args(false);
   options.add_lcm(app);
   app.add_option("--name", options.name, "Name of the estimator in the scenario");
   auto* log =

@@ -76,7 +76,7 @@ struct Avx2Pack {
     const I bits = _mm256_castpd_si256(d2);
     const I cell = _mm256_sub_epi64(_mm256_srl_epi64(bits, _mm_cvtsi32_si128(table.shift)),
                                     _mm256_set1_epi64x(table.first_cell));
-    // Four loads and a transposition; gathers are slower on every processor that was tried.
+    // Four loads, since a row is one load, and a transposition.
     const __m128i low = _mm256_castsi256_si128(cell), high = _mm256_extracti128_si256(cell, 1);
     const double* base = table.coefficients;
     const V r_0 = _mm256_load_pd(base + 4 * _mm_cvtsi128_si64(low));

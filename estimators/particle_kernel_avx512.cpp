@@ -79,7 +79,7 @@ struct Avx512Pack {
     const I bits = _mm512_castpd_si512(d2);
     const I cell = _mm512_sub_epi64(_mm512_srl_epi64(bits, _mm_cvtsi32_si128(table.shift)),
                                     _mm512_set1_epi64(table.first_cell));
-    // Eight loads and a transposition, faster than gathers.
+    // Eight loads, since a row is one load, and a transposition.
     alignas(64) long long cells[8];
     _mm512_store_si512(cells, cell);
     const auto rows = [&](int lane) {

@@ -13,8 +13,8 @@
 
 namespace holdfast {
 
-/// log(erfc(z) / 2) for z of 5 and more, by the asymptotic continued fraction; exact below, too, of
-/// course, but there std::erfc does it. Defined in the portable kernel.
+/// log(erfc(z) / 2) for z of 3 and more, by the continued fraction of erfc; also where erfc is
+/// zero.
 double log_half_erfc(double z);
 /// log of sum of weight_i erfc(z_i), where the sum itself underflows.
 double log_glint_tail(const double weight[2], const double z[2]);
@@ -98,7 +98,7 @@ struct Kernel {
   };
 
   // One function at a time over all factors: a chain of log, exp and erfc for one factor is bound
-  // by its latency, while calls of one function overlap (1.9 times faster).
+  // by its latency, while calls of one function overlap (AVX2: 65 instead of 96 us).
   static void evaluate(const DetectionLaw& law, const LikelihoodFactor* factors, std::size_t count,
                        V x, V y, bool in_tails, Stage& stage) {
     for (std::size_t f = 0; f < count; ++f) {

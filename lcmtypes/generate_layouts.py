@@ -35,6 +35,8 @@ def row(fields, field, known, path):
             fixed = int(dimension)
         else:
             length = [f[1] for f in fields].index(dimension)
+            if fields[length][0] != "int32_t":
+                sys.exit(f"{path}: {dimension}: the guard knows lengths of type int32_t only")
     if kind in PRIMITIVES:
         nested = "nullptr"
         what = "kString" if kind == "string" else ("kLength" if kind == "int32_t" and dimension is None else "kBytes")
@@ -71,8 +73,11 @@ def main():
     for name in sorted(types):
         emit(name)
     lines.append("/// Layout of a generated LCM type.\ntemplate <class Message>\ninline constexpr const TypeLayout* of = nullptr;")
+    # A flag, since no constant expression may compare the pointer under UndefinedBehaviorSanitizer.
+    lines.append("template <class Message>\ninline constexpr bool has = false;")
     for name in sorted(types):
         lines.append(f"template <>\ninline constexpr const TypeLayout* of<{name}> = &k_{name};")
+        lines.append(f"template <>\ninline constexpr bool has<{name}> = true;")
     lines += ["", "}  // namespace holdfast::layouts", ""]
     text = "\n".join(lines)
     declarations = "\n".join(f"class {name};" for name in sorted(types))

@@ -11,6 +11,7 @@
 #include <holdfast/estimate_t.hpp>
 #include <holdfast/known_input_t.hpp>
 #include <holdfast/measurement_set_t.hpp>
+#include <holdfast/run_meta_t.hpp>
 #include <holdfast/truth_t.hpp>
 #include <regex>
 #include <set>
@@ -19,6 +20,7 @@
 #include "common/errors.h"
 #include "common/log_file.h"
 #include "tools/printable_text.h"
+#include "tools/scenario_facts.h"
 
 namespace holdfast {
 namespace {
@@ -26,11 +28,12 @@ namespace {
 using Bytes = std::span<const std::uint8_t>;
 
 constexpr std::size_t kFingerprintBytes = 8;
+constexpr int kDifferencesPerMessage = 3;
 constexpr std::string_view kIgnoredFields[] = {"seq", "measurement_seq", "receive_utime", "bus"};
 constexpr std::string_view kIntegerFields[] = {
-    "utime", "seq", "step", "measurement_seq", "input_step", "packet_rx_index", "index", "receive_utime",
-    "rx_index", "tx_index", "draw_index", "step_counter", "seed", "run", "counter_value",
-    "compute_time_ns", "latency_ns"};
+    "utime", "seq",           "step",          "measurement_seq", "input_step", "packet_rx_index",
+    "index", "receive_utime", "rx_index",      "tx_index",        "draw_index", "step_counter",
+    "seed",  "run",           "counter_value", "compute_time_ns", "latency_ns"};
 
 struct ChannelType {
   const TypeLayout* layout;
@@ -45,7 +48,8 @@ ChannelType channel_type(bool is_once_per_step) {
 
 // The type that our channels carry; no layout for a channel that is none of ours.
 ChannelType type_of(const std::string& channel) {
-  if (channel.starts_with("EST_") || channel.starts_with("SMOOTHED_")) return channel_type<estimate_t>(true);
+  if (channel.starts_with("EST_") || channel.starts_with("SMOOTHED_"))
+    return channel_type<estimate_t>(true);
   if (channel == "MEASUREMENT") return channel_type<measurement_set_t>(true);
   if (channel == "PLANT_TRUTH") return channel_type<truth_t>(true);
   if (channel == "KNOWN_INPUT") return channel_type<known_input_t>(true);
@@ -63,7 +67,7 @@ bool is_left_out(const std::string& channel) {
 struct Leaf {
   std::string path;
   std::uint64_t bits = 0;
-  std::string text;   // of a string; numbers are written when they are shown
+  std::string text;  // of a string; numbers are written when they are shown
   const FieldLayout* field = nullptr;
 };
 
@@ -81,7 +85,8 @@ class Flattener {
         count = field.length_field >= 0 ? lengths[static_cast<std::size_t>(field.length_field)]
                                         : static_cast<std::int64_t>(field.fixed_length);
       }
-      const bool is_ignored = std::ranges::find(kIgnoredFields, std::string_view(field.name)) != std::end(kIgnoredFields);
+      const bool is_ignored = std::ranges::find(kIgnoredFields, std::string_view(field.name)) !=
+                              std::end(kIgnoredFields);
       for (std::int64_t i = 0; i < count; ++i) {
         std::string path = prefix + field.name;
         if (field.is_array) path += '[' + std::to_string(i) + ']';
@@ -133,6 +138,7 @@ struct LogMessages {
   using BySteps = std::map<std::int64_t, std::vector<std::vector<std::uint8_t>>>;
   std::map<std::string, BySteps> channels;
   std::map<std::string, std::int64_t> refused;
+  std::set<std::string> campaign_only;  // channels that a live run of this scenario cannot have
 };
 
 // Step of a message: every type of ours that has a step has it as third field.
@@ -144,13 +150,15 @@ std::int64_t step_of(Bytes bytes) {
 
 class LogComparison {
  public:
-  LogComparison(const CompareOptions& options, CompareResult& result) : options_(options), result_(result) {}
+  LogComparison(const CompareOptions& options, CompareResult& result)
+      : options_(options), result_(result) {}
 
   LogMessages read(const std::string& file, const std::regex& wanted) {
     LogMessages log;
     LogReader reader(file);
     LogEvent event;
     while (reader.next(event)) {
+      if (event.channel == "RUN_META" && log.campaign_only.empty()) note_scenario(event.data, log);
       if (is_left_out(event.channel) || !std::regex_match(event.channel, wanted)) continue;
       const ChannelType type = type_of(event.channel);
       if (type.layout == nullptr) {
@@ -172,8 +180,14 @@ class LogComparison {
     for (const std::string& channel : channels) {
       const auto in_a = a.channels.find(channel), in_b = b.channels.find(channel);
       if (in_a == a.channels.end() || in_b == b.channels.end()) {
-        result_.problems.push_back(printable(channel, 60) + " stands only in " +
-                                   (in_a == a.channels.end() ? "B" : "A"));
+        const std::string where =
+            " stands only in " + std::string(in_a == a.channels.end() ? "B" : "A");
+        if (a.campaign_only.contains(channel) && b.campaign_only.contains(channel)) {
+          result_.notes.push_back(printable(channel, 60) + where +
+                                  ": only a campaign has clean measurements");
+        } else {
+          result_.problems.push_back(printable(channel, 60) + where);
+        }
         continue;
       }
       compare_channel(channel, in_a->second, in_b->second);
@@ -181,27 +195,38 @@ class LogComparison {
   }
 
  private:
+  static void note_scenario(Bytes bytes, LogMessages& log) {
+    run_meta_t meta;
+    if (!decode_guarded(bytes, meta)) return;
+    for (const std::string& channel : campaign_only_channels(meta.scenario))
+      log.campaign_only.insert(channel);
+  }
+
   void describe(const std::string& file, const LogMessages& log, const LogReader& reader) {
     const std::string place = printable(file) + ": ";
     if (reader.damaged_bytes() > 0) {
-      result_.notes.push_back(place + std::to_string(reader.damaged_bytes()) + " damaged bytes were skipped");
+      result_.notes.push_back(place + std::to_string(reader.damaged_bytes()) +
+                              " damaged bytes were skipped");
     }
     if (reader.tail_is_torn()) result_.notes.push_back(place + "ends in the middle of an event");
     for (const auto& [channel, count] : log.refused) {
-      result_.notes.push_back(place + std::to_string(count) + " events on " + printable(channel, 60) +
+      result_.notes.push_back(place + std::to_string(count) + " events on " +
+                              printable(channel, 60) +
                               " are no messages of ours and were left out");
     }
     for (const auto& [channel, steps] : log.channels) {
       if (!type_of(channel).is_once_per_step) continue;
-      const auto repeated = std::count_if(steps.begin(), steps.end(),
-                                          [](const auto& entry) { return entry.second.size() > 1; });
+      const auto repeated = std::count_if(
+          steps.begin(), steps.end(), [](const auto& entry) { return entry.second.size() > 1; });
       if (repeated == 0) continue;
-      result_.notes.push_back(place + printable(channel, 60) + " holds " + std::to_string(repeated) +
+      result_.notes.push_back(place + printable(channel, 60) + " holds " +
+                              std::to_string(repeated) +
                               " steps more than once: two producers, or two runs in one log");
     }
   }
 
-  void compare_channel(const std::string& channel, const LogMessages::BySteps& a, const LogMessages::BySteps& b) {
+  void compare_channel(const std::string& channel, const LogMessages::BySteps& a,
+                       const LogMessages::BySteps& b) {
     static const std::vector<std::vector<std::uint8_t>> kNone;
     std::int64_t uneven_steps = 0, first_uneven = 0, in_a = 0, in_b = 0;
     std::set<std::int64_t> steps;
@@ -215,13 +240,14 @@ class LogComparison {
       in_b += static_cast<std::int64_t>(messages_b.size());
       if (messages_a.size() != messages_b.size() && uneven_steps++ == 0) first_uneven = step;
       const std::size_t both = std::min(messages_a.size(), messages_b.size());
-      for (std::size_t i = 0; i < both; ++i) compare_message(channel, step, messages_a[i], messages_b[i]);
+      for (std::size_t i = 0; i < both; ++i)
+        compare_message(channel, step, messages_a[i], messages_b[i]);
     }
     if (uneven_steps > 0) {
-      result_.problems.push_back(printable(channel, 60) + ": " + std::to_string(in_a) + " messages in A, " +
-                                 std::to_string(in_b) + " in B; " + std::to_string(uneven_steps) +
-                                 " steps do not have as many in both, the first is step " +
-                                 std::to_string(first_uneven));
+      result_.problems.push_back(
+          printable(channel, 60) + ": " + std::to_string(in_a) + " messages in A, " +
+          std::to_string(in_b) + " in B; " + std::to_string(uneven_steps) +
+          " steps do not have as many in both, the first is step " + std::to_string(first_uneven));
     }
   }
 
@@ -232,7 +258,8 @@ class LogComparison {
     if (type.layout == nullptr) {
       if (std::ranges::equal(a, b)) return;
       ++result_.differing;
-      tell({channel, step, "(bytes)", std::to_string(a.size()) + " bytes", std::to_string(b.size()) + " bytes"});
+      tell({channel, step, "(bytes)", std::to_string(a.size()) + " bytes",
+            std::to_string(b.size()) + " bytes"});
       return;
     }
     leaves_a_.clear();
@@ -240,19 +267,22 @@ class LogComparison {
     Flattener(a.subspan(kFingerprintBytes), leaves_a_).read(*type.layout, "");
     Flattener(b.subspan(kFingerprintBytes), leaves_b_).read(*type.layout, "");
     bool is_same = leaves_a_.size() == leaves_b_.size();
+    int told = 0;
     for (std::size_t i = 0; i < std::min(leaves_a_.size(), leaves_b_.size()); ++i) {
       const Leaf &in_a = leaves_a_[i], &in_b = leaves_b_[i];
       // After arrays of different lengths, which have been told, the rest stands at other places.
       if (in_a.path != in_b.path) break;
       if (in_a.bits == in_b.bits && in_a.text == in_b.text) continue;
       is_same = false;
-      tell({channel, step, in_a.path, shown(in_a), shown(in_b)});
+      if (told++ < kDifferencesPerMessage)
+        tell({channel, step, in_a.path, shown(in_a), shown(in_b)});
     }
     if (!is_same) ++result_.differing;
   }
 
   void tell(FieldDifference difference) {
-    if (result_.differences.size() < options_.differences_max) result_.differences.push_back(std::move(difference));
+    if (result_.differences.size() < options_.differences_max)
+      result_.differences.push_back(std::move(difference));
   }
 
   const CompareOptions& options_;
@@ -264,7 +294,8 @@ std::regex parse_expression(const std::string& text) {
   try {
     return std::regex(text);
   } catch (const std::regex_error&) {
-    throw UsageError("--channels '" + printable(text) + "' is no regular expression; an example: 'EST_.*|MEASUREMENT'");
+    throw UsageError("--channels '" + printable(text) +
+                     "' is no regular expression; an example: 'EST_.*|MEASUREMENT'");
   }
 }
 
@@ -274,7 +305,8 @@ bool is_integer_field(std::string_view name) {
   return std::ranges::find(kIntegerFields, name) != std::end(kIntegerFields);
 }
 
-CompareResult compare_logs(const std::string& file_a, const std::string& file_b, const CompareOptions& options) {
+CompareResult compare_logs(const std::string& file_a, const std::string& file_b,
+                           const CompareOptions& options) {
   const std::regex wanted = parse_expression(options.channels);
   CompareResult result;
   LogComparison comparison(options, result);
@@ -299,8 +331,8 @@ std::string CompareResult::text() const {
     text += printable(channel, 60) + ": " + std::to_string(count) + " messages compared\n";
   }
   for (const FieldDifference& d : differences) {
-    text += printable(d.channel, 60) + " step " + std::to_string(d.step) + ' ' + d.field + ":\n  A " +
-            d.value_a + "\n  B " + d.value_b + '\n';
+    text += printable(d.channel, 60) + " step " + std::to_string(d.step) + ' ' + d.field +
+            ":\n  A " + d.value_a + "\n  B " + d.value_b + '\n';
   }
   for (const std::string& problem : problems) text += problem + '\n';
   for (const std::string& note : notes) text += "note: " + note + '\n';

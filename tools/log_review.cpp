@@ -1,7 +1,5 @@
 #include "tools/log_review.h"
 
-#include <yaml-cpp/yaml.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
@@ -15,43 +13,40 @@
 #include "common/status.h"
 #include "tools/log_trace.h"
 #include "tools/printable_text.h"
+#include "tools/scenario_facts.h"
 
 namespace holdfast {
 namespace {
 
-struct Group {
-  std::string name, unit;
-  std::vector<std::size_t> states;
-};
-
-// Elements of a list; none when the node is anything else.
-YAML::Node items(const YAML::Node& node) {
-  return node && node.IsSequence() ? node : YAML::Node(YAML::NodeType::Sequence);
-}
-
-template <class T>
-T value_or(const YAML::Node& node, const T& fallback) {
-  return node && node.IsScalar() ? node.as<T>(fallback) : fallback;
-}
-
 std::string outcome_name(std::int32_t outcome) {
   switch (outcome) {
-    case estimate_t::OUTCOME_NO_PACKETS: return "no_packets";
-    case estimate_t::OUTCOME_REFUSED_INPUT: return "refused_input";
-    case estimate_t::OUTCOME_FACTORISATION_FAILED: return "factorisation_failed";
-    case estimate_t::OUTCOME_DEGENERATE_WEIGHTS: return "degenerate_weights";
-    default: return "outcome_" + std::to_string(outcome);
+    case estimate_t::OUTCOME_NO_PACKETS:
+      return "no_packets";
+    case estimate_t::OUTCOME_REFUSED_INPUT:
+      return "refused_input";
+    case estimate_t::OUTCOME_FACTORISATION_FAILED:
+      return "factorisation_failed";
+    case estimate_t::OUTCOME_DEGENERATE_WEIGHTS:
+      return "degenerate_weights";
+    default:
+      return "outcome_" + std::to_string(outcome);
   }
 }
 
 const char* state_name(std::int32_t state) {
   switch (state) {
-    case status_t::STARTING: return "starting";
-    case status_t::READY: return "ready";
-    case status_t::RUNNING: return "running";
-    case status_t::FINISHED: return "finished";
-    case status_t::FAILED: return "failed";
-    default: return "unknown";
+    case status_t::STARTING:
+      return "starting";
+    case status_t::READY:
+      return "ready";
+    case status_t::RUNNING:
+      return "running";
+    case status_t::FINISHED:
+      return "finished";
+    case status_t::FAILED:
+      return "failed";
+    default:
+      return "unknown";
   }
 }
 
@@ -59,7 +54,9 @@ TimeSummary summarise(std::vector<double> times_us) {
   if (times_us.empty()) return {};
   std::sort(times_us.begin(), times_us.end());
   const auto rank = [&times_us](double share) {
-    return times_us[static_cast<std::size_t>(std::ceil(share * static_cast<double>(times_us.size()))) - 1];
+    return times_us[static_cast<std::size_t>(
+                        std::ceil(share * static_cast<double>(times_us.size()))) -
+                    1];
   };
   return {static_cast<std::int64_t>(times_us.size()), rank(0.5), rank(0.99), times_us.back()};
 }
@@ -67,7 +64,8 @@ TimeSummary summarise(std::vector<double> times_us) {
 // Normalised estimation error squared, e' P^-1 e; none without a positive definite P of that size.
 std::optional<double> nees(const std::vector<double>& truth, const Sample& sample) {
   const auto n = static_cast<Eigen::Index>(truth.size());
-  if (n == 0 || sample.mean.size() != truth.size() || sample.covariance.size() != truth.size() * truth.size()) {
+  if (n == 0 || sample.mean.size() != truth.size() ||
+      sample.covariance.size() != truth.size() * truth.size()) {
     return std::nullopt;
   }
   using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
@@ -80,8 +78,8 @@ std::optional<double> nees(const std::vector<double>& truth, const Sample& sampl
   return std::isfinite(value) ? std::optional<double>(value) : std::nullopt;
 }
 
-void review_errors(const LogTrace& trace, const EstimatorTrace& estimator, const std::vector<Group>& groups,
-                   EstimatorReview& review) {
+void review_errors(const LogTrace& trace, const EstimatorTrace& estimator,
+                   const std::vector<StateGroupFacts>& groups, EstimatorReview& review) {
   std::vector<double> square_sum(groups.size(), 0.0);
   std::vector<std::int64_t> count(groups.size(), 0);
   double nees_sum = 0.0;
@@ -97,7 +95,8 @@ void review_errors(const LogTrace& trace, const EstimatorTrace& estimator, const
     for (std::size_t g = 0; g < groups.size(); ++g) {
       const auto& states = groups[g].states;
       if (states.empty() || *std::max_element(states.begin(), states.end()) >= shared) continue;
-      for (const std::size_t s : states) square_sum[g] += std::pow(sample.mean[s] - truth->second[s], 2);
+      for (const std::size_t s : states)
+        square_sum[g] += std::pow(sample.mean[s] - truth->second[s], 2);
       ++count[g];
     }
     if (const std::optional<double> value = nees(truth->second, sample)) {
@@ -113,7 +112,8 @@ void review_errors(const LogTrace& trace, const EstimatorTrace& estimator, const
   if (review.nees_steps > 0) review.nees_mean = nees_sum / static_cast<double>(review.nees_steps);
 }
 
-void review_packets(const FrameLabels& labels, const EstimatorTrace& estimator, EstimatorReview& review) {
+void review_packets(const FrameLabels& labels, const EstimatorTrace& estimator,
+                    EstimatorReview& review) {
   std::vector<std::pair<double, bool>> scores;
   for (const auto& [rx_index, posterior] : estimator.packet_posteriors) {
     const PacketLabel label = labels.find(rx_index).label;
@@ -124,46 +124,9 @@ void review_packets(const FrameLabels& labels, const EstimatorTrace& estimator, 
   review.packet_auc = area_under_curve(std::move(scores));
 }
 
-// The scenario as far as a review needs it; read leniently, since outsiders write scenarios too.
-struct ScenarioFacts {
-  std::int64_t num_steps = 0;
-  std::vector<std::string> state_names;
-  std::vector<Group> groups;
-  std::vector<std::pair<std::string, bool>> estimators;   // name, is campaign only
-  std::vector<PlotPoint> sensors;
-};
-
-ScenarioFacts read_facts(const std::string& yaml) {
-  ScenarioFacts facts;
-  const YAML::Node root = YAML::Load(yaml);
-  if (!root.IsMap()) return facts;
-  facts.num_steps = std::max<std::int64_t>(0, value_or<std::int64_t>(root["steps"], 0));
-  for (const YAML::Node& name : items(root["state_names"])) facts.state_names.push_back(value_or<std::string>(name, ""));
-  for (const YAML::Node& node : items(root["state_groups"])) {
-    if (!node.IsMap()) continue;
-    Group group{value_or<std::string>(node["name"], ""), value_or<std::string>(node["unit"], ""), {}};
-    for (const YAML::Node& state : items(node["states"])) {
-      group.states.push_back(static_cast<std::size_t>(value_or<std::int64_t>(state, -1)));
-    }
-    facts.groups.push_back(std::move(group));
-  }
-  for (const YAML::Node& node : items(root["estimators"])) {
-    if (!node.IsMap()) continue;
-    facts.estimators.emplace_back(value_or<std::string>(node["name"], ""),
-                                  value_or<std::string>(node["input"], "") == "clean");
-  }
-  const YAML::Node plant = root["plant"];
-  const YAML::Node model = plant && plant.IsMap() ? plant["model"] : YAML::Node();
-  if (!model || !model.IsMap()) return facts;
-  for (const YAML::Node& place : items(model["sensor_positions_m"])) {
-    if (!place.IsSequence() || place.size() < 2) continue;
-    facts.sensors.push_back({value_or<double>(place[0], NAN), value_or<double>(place[1], NAN)});
-  }
-  return facts;
-}
-
 // "x_position_m" and "m": "x position [m]".
-std::string axis_label(const std::vector<std::string>& names, std::size_t state, const std::string& unit) {
+std::string axis_label(const std::vector<std::string>& names, std::size_t state,
+                       const std::string& unit) {
   std::string label = state < names.size() ? names[state] : "state " + std::to_string(state);
   if (!unit.empty() && label.ends_with("_" + unit)) label.resize(label.size() - unit.size() - 1);
   std::replace(label.begin(), label.end(), '_', ' ');
@@ -247,7 +210,8 @@ class Reviewer {
       review.name = name;
       review.is_in_scenario = true;
       review.is_campaign_only = is_campaign_only && found == trace_.estimators.end();
-      review_estimator(found == trace_.estimators.end() ? EstimatorTrace{} : found->second, suffix, review);
+      review_estimator(found == trace_.estimators.end() ? EstimatorTrace{} : found->second, suffix,
+                       review);
       outsiders.erase(suffix);
     }
     for (const auto& [suffix, estimator] : outsiders) {
@@ -258,37 +222,41 @@ class Reviewer {
     }
   }
 
-  void review_estimator(const EstimatorTrace& estimator, const std::string& suffix, EstimatorReview review) {
+  void review_estimator(const EstimatorTrace& estimator, const std::string& suffix,
+                        EstimatorReview review) {
     review.channel = "EST_" + suffix;
     review.repeated_steps = estimator.repeated;
     review.missing_steps =
         review.is_campaign_only
             ? 0
-            : std::max<std::int64_t>(0, trace_.num_steps - static_cast<std::int64_t>(estimator.samples.size()));
+            : std::max<std::int64_t>(
+                  0, trace_.num_steps - static_cast<std::int64_t>(estimator.samples.size()));
     review_errors(trace_, estimator, facts_.groups, review);
     review_packets(review_.frames, estimator, review);
     review.compute_time = summarise(estimator.compute_time_us);
     review.latency = summarise(estimator.latency_us);
-    if (const Group* position = position_group()) {
-      for (const auto& [step, sample] : estimator.samples) add_point(sample.mean, *position, review.path);
+    if (const StateGroupFacts* position = position_group()) {
+      for (const auto& [step, sample] : estimator.samples)
+        add_point(sample.mean, *position, review.path);
     }
     review_.estimators.push_back(std::move(review));
   }
 
-  const Group* position_group() const {
-    for (const Group& group : facts_.groups) {
+  const StateGroupFacts* position_group() const {
+    for (const StateGroupFacts& group : facts_.groups) {
       if (group.name == "position" && group.states.size() >= 2) return &group;
     }
     return nullptr;
   }
 
-  static void add_point(const std::vector<double>& state, const Group& position, std::vector<PlotPoint>& path) {
+  static void add_point(const std::vector<double>& state, const StateGroupFacts& position,
+                        std::vector<PlotPoint>& path) {
     if (std::max(position.states[0], position.states[1]) >= state.size()) return;
     path.push_back({state[position.states[0]], state[position.states[1]]});
   }
 
   void review_path() {
-    const Group* position = position_group();
+    const StateGroupFacts* position = position_group();
     if (position == nullptr) return;
     for (const auto& [step, state] : trace_.truth) add_point(state, *position, review_.true_path);
     review_.sensors = facts_.sensors;
@@ -305,17 +273,20 @@ class Reviewer {
   void review_losses() {
     for (const ProcessReview& process : review_.processes) {
       for (const auto& [counter, value] : process.counters) {
-        if (counter == "lcm_lost" || counter.ends_with("kernel_dropped") || counter.ends_with("write_dropped")) {
+        if (counter == "lcm_lost" || counter.ends_with("kernel_dropped") ||
+            counter.ends_with("write_dropped")) {
           add_loss(process.name, counter, value);
         }
       }
-      review_.refused_by_processes += std::clamp<std::int64_t>(process.counter("lcm_refused"), 0, kCountMax);
+      review_.refused_by_processes +=
+          std::clamp<std::int64_t>(process.counter("lcm_refused"), 0, kCountMax);
     }
     add_loss("monitor bus", "sent by the attacker, not read by the driver", review_.frames.lost);
     for (const auto& [channel, trouble] : trace_.troubles) {
       review_.refused_in_log += trouble.num_refused();
       add_loss("log", "missing on " + channel, trouble.missing_seq);
-      if (trouble.num_refused() + trouble.missing_seq + trouble.backward_seq + trouble.odd_step > 0) {
+      if (trouble.num_refused() + trouble.missing_seq + trouble.backward_seq + trouble.odd_step >
+          0) {
         review_.troubles[channel] = trouble;
       }
     }
@@ -327,24 +298,29 @@ class Reviewer {
     }
     for (const ProcessReview& process : review_.processes) {
       if (process.is_finished) continue;
-      warn(process.name + " did not finish: its last word, at step " + std::to_string(process.step) +
-           ", was '" + process.state + "'" + (process.remark.empty() ? "" : ": " + process.remark));
+      warn(process.name + " did not finish: its last word, at step " +
+           std::to_string(process.step) + ", was '" + process.state + "'" +
+           (process.remark.empty() ? "" : ": " + process.remark));
     }
     for (const EstimatorReview& estimator : review_.estimators) warn_of(estimator);
     if (review_.truth_steps < review_.num_steps) {
       warn("the truth is known in " + std::to_string(review_.truth_steps) + " of " +
            std::to_string(review_.num_steps) + " steps");
     }
-    if (review_.damaged_bytes > 0) warn(std::to_string(review_.damaged_bytes) + " bytes of the log are damaged and were skipped");
+    if (review_.damaged_bytes > 0)
+      warn(std::to_string(review_.damaged_bytes) +
+           " bytes of the log are damaged and were skipped");
     if (review_.tail_is_torn) warn("the log ends in the middle of an event");
-    if (trace_.scenario_hashes.size() > 1) warn("the log holds more than one scenario; the first one counts");
+    if (trace_.scenario_hashes.size() > 1)
+      warn("the log holds more than one scenario; the first one counts");
     for (const auto& [channel, trouble] : review_.troubles) {
       if (trouble.backward_seq > 0) {
         warn(channel + ": seq went back " + std::to_string(trouble.backward_seq) +
              " times, so the channel has a second producer or the log a second run");
       }
       if (trouble.odd_step > 0) {
-        warn(channel + ": " + std::to_string(trouble.odd_step) + " messages of steps that the scenario has not");
+        warn(channel + ": " + std::to_string(trouble.odd_step) +
+             " messages of steps that the scenario has not");
       }
     }
   }
@@ -387,12 +363,7 @@ RunReview review_log(const std::string& file) {
   review.seed = meta.seed;
   review.run = meta.run;
   review.scenario_hash = scenario_hash(meta.scenario);
-  ScenarioFacts facts;
-  try {
-    facts = read_facts(meta.scenario);
-  } catch (const YAML::Exception& error) {
-    throw UsageError(file + ": the scenario in its RUN_META cannot be read: " + printable(error.what()));
-  }
+  const ScenarioFacts facts = read_scenario_facts(meta.scenario, file);
   LogReader reader(file);
   const LogTrace trace = collect_trace(reader, facts.num_steps, review.num_events);
   review.damaged_bytes = reader.damaged_bytes();
@@ -406,9 +377,11 @@ void write_labels_csv(const RunReview& review, const std::string& file) {
   stream << "step,rx_index,source,label,tx_index,rule\n";
   for (const PacketRow& packet : review.packets) {
     std::string rule;
-    for (const char c : printable(packet.frame.rule)) rule += c == '"' ? std::string("\"\"") : std::string(1, c);
+    for (const char c : printable(packet.frame.rule))
+      rule += c == '"' ? std::string("\"\"") : std::string(1, c);
     stream << packet.step << ',' << packet.rx_index << ',' << packet.source << ','
-           << to_string(packet.frame.label) << ',' << packet.frame.tx_index << ",\"" << rule << "\"\n";
+           << to_string(packet.frame.label) << ',' << packet.frame.tx_index << ",\"" << rule
+           << "\"\n";
   }
   if (!stream.flush()) throw JobError(file + ": cannot be written");
 }

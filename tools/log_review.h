@@ -28,16 +28,16 @@ struct TimeSummary {
 struct EstimatorReview {
   std::string name, channel;
   bool is_in_scenario = false;
-  bool is_campaign_only = false;           // sees clean measurements, so it publishes nothing live
-  std::int64_t num_steps = 0;              // with both truth and a finite estimate
-  std::int64_t missing_steps = 0;          // steps of the scenario without any estimate
-  std::int64_t repeated_steps = 0;         // further estimates for a step that had one; the first counts
+  bool is_campaign_only = false;    // sees clean measurements, so it publishes nothing live
+  std::int64_t num_steps = 0;       // with both truth and a finite estimate
+  std::int64_t missing_steps = 0;   // steps of the scenario without any estimate
+  std::int64_t repeated_steps = 0;  // further estimates for a step that had one; the first counts
   std::int64_t non_finite_steps = 0;
-  std::map<std::string, std::int64_t> outcomes;   // other than ok, by name
-  std::vector<GroupError> errors;          // one for each state group of the scenario
-  std::optional<double> nees_mean;         // e' P^-1 e over the steps with a positive definite P
+  std::map<std::string, std::int64_t> outcomes;  // other than ok, by name
+  std::vector<GroupError> errors;                // one for each state group of the scenario
+  std::optional<double> nees_mean;  // e' P^-1 e over the steps with a positive definite P
   std::int64_t nees_steps = 0;
-  std::optional<double> packet_auc;        // of 1 - posterior against the labels
+  std::optional<double> packet_auc;  // of 1 - posterior against the labels
   std::int64_t packets_scored = 0;
   TimeSummary compute_time, latency;
   std::vector<PlotPoint> path;
@@ -47,7 +47,7 @@ struct ProcessReview {
   std::string name, state, remark;
   bool is_finished = false;
   std::int64_t step = 0;
-  std::map<std::string, std::int64_t> counters;   // of its newest status
+  std::map<std::string, std::int64_t> counters;  // of its newest status
 
   std::int64_t counter(const std::string& name) const;
 };
@@ -65,10 +65,10 @@ struct Loss {
 
 /// What was odd about the events of one channel.
 struct ChannelTrouble {
-  std::map<std::string, std::int64_t> refused;   // events that the guard refused, by verdict
-  std::int64_t missing_seq = 0;                  // lost on the way to the logger
-  std::int64_t backward_seq = 0;                 // a second producer, or two runs in one log
-  std::int64_t odd_step = 0;                     // step that is none of the scenario's
+  std::map<std::string, std::int64_t> refused;  // events that the guard refused, by verdict
+  std::int64_t missing_seq = 0;                 // lost on the way to the logger
+  std::int64_t backward_seq = 0;                // a second producer, or two runs in one log
+  std::int64_t odd_step = 0;                    // step that is none of the scenario's
 
   std::int64_t num_refused() const;
 };
@@ -86,7 +86,7 @@ struct RunReview {
   std::int64_t seed = 0, run = 0, num_steps = 0;
   std::string scenario_hash;
   std::int64_t truth_steps = 0, measurement_steps = 0;
-  std::vector<EstimatorReview> estimators;      // scenario's order, then outsiders by channel
+  std::vector<EstimatorReview> estimators;  // scenario's order, then outsiders by channel
   std::vector<ProcessReview> processes;
   std::optional<std::int64_t> frames_sent;      // by the plant
   std::optional<std::int64_t> frames_received;  // by the driver: its own count, else CAN_RX
@@ -96,22 +96,23 @@ struct RunReview {
   FrameLabels frames;
   std::vector<PacketRow> packets;
   std::map<PacketLabel, std::int64_t> packet_count;
-  std::vector<Loss> losses;                     // those above 0
+  std::vector<Loss> losses;  // those above 0
   std::int64_t losses_in_all = 0;
   std::int64_t refused_in_log = 0, refused_by_processes = 0;
-  std::map<std::string, ChannelTrouble> troubles;   // channels with any
+  std::map<std::string, ChannelTrouble> troubles;  // channels with any
   std::int64_t num_events = 0, damaged_bytes = 0;
   bool tail_is_torn = false;
   std::vector<std::string> warnings;
 
-  std::vector<PlotPoint> true_path, sensors;    // first two states of the group "position"
+  std::vector<PlotPoint> true_path, sensors;  // first two states of the group "position"
   std::string x_label, y_label;
 };
 
 /// Reads a log of one run, however damaged, and reviews it.
 ///
 /// RMSE of a group: sqrt of the mean over steps of the sum over the group's states of the squared
-/// error. Throws UsageError when the file cannot be read, holds no RUN_META, or its scenario is no YAML.
+/// error. Throws UsageError when the file cannot be read, holds no RUN_META, or its scenario is no
+/// YAML.
 RunReview review_log(const std::string& file);
 
 /// Packets with their labels: step, rx_index, source, label, tx_index, rule. Throws JobError.

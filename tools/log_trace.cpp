@@ -22,11 +22,14 @@ class LogCollector {
 
   void on_event(const LogEvent& event) {
     const std::string& channel = event.channel;
-    const auto suffix = [&channel](const char* prefix) { return channel.substr(std::string(prefix).size()); };
+    const auto suffix = [&channel](const char* prefix) {
+      return channel.substr(std::string(prefix).size());
+    };
     if (channel == "PLANT_TRUTH") {
       take<truth_t>(event, [this](const truth_t& m, ChannelTrouble& t) { on_truth(m, t); });
     } else if (channel == "MEASUREMENT") {
-      take<measurement_set_t>(event, [this](const auto& m, ChannelTrouble& t) { on_measurement(m, t); });
+      take<measurement_set_t>(event,
+                              [this](const auto& m, ChannelTrouble& t) { on_measurement(m, t); });
     } else if (channel == "CAN_RX" || channel == "CAN_TX") {
       take<can_frames_t>(event, [&](const can_frames_t& m, ChannelTrouble&) {
         for (const can_frame_t& frame : m.frames) {
@@ -34,7 +37,8 @@ class LogCollector {
         }
       });
     } else if (channel == "ATTACK_FRAME") {
-      take<attack_frame_t>(event, [this](const attack_frame_t& m, ChannelTrouble&) { on_attack(m); });
+      take<attack_frame_t>(event,
+                           [this](const attack_frame_t& m, ChannelTrouble&) { on_attack(m); });
     } else if (channel == "RUN_META") {
       run_meta_t meta;
       if (decode_guarded(event.data, meta)) trace_.scenario_hashes.insert(meta.scenario_hash);
@@ -46,10 +50,12 @@ class LogCollector {
       take<timing_t>(event, [&](const timing_t& m, ChannelTrouble&) {
         EstimatorTrace& estimator = trace_.estimators[suffix("TIMING_")];
         estimator.compute_time_us.push_back(1e-3 * static_cast<double>(m.compute_time_ns));
-        if (m.latency_ns >= 0) estimator.latency_us.push_back(1e-3 * static_cast<double>(m.latency_ns));
+        if (m.latency_ns >= 0)
+          estimator.latency_us.push_back(1e-3 * static_cast<double>(m.latency_ns));
       });
     } else if (channel.starts_with("STATUS_")) {
-      take<status_t>(event, [&](const status_t& m, ChannelTrouble&) { trace_.statuses[channel] = m; });
+      take<status_t>(event,
+                     [&](const status_t& m, ChannelTrouble&) { trace_.statuses[channel] = m; });
     }
   }
 
@@ -81,7 +87,7 @@ class LogCollector {
   }
 
   bool is_step(std::int64_t step, ChannelTrouble& trouble) const {
-    if (step == 0) return false;   // a prior, which has no measurement
+    if (step == 0) return false;  // a prior, which has no measurement
     const bool fits = step > 0 && (trace_.num_steps == 0 || step <= trace_.num_steps);
     if (!fits) ++trouble.odd_step;
     return fits;

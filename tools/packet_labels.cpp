@@ -125,8 +125,9 @@ class Aligner {
     constexpr std::size_t kNone = static_cast<std::size_t>(-1);
     std::vector<std::size_t> tail, before(anchors.size(), kNone);
     for (std::size_t a = 0; a < anchors.size(); ++a) {
-      const auto place = std::lower_bound(tail.begin(), tail.end(), anchors[a].second,
-                                          [&](std::size_t t, std::size_t r) { return anchors[t].second < r; });
+      const auto place =
+          std::lower_bound(tail.begin(), tail.end(), anchors[a].second,
+                           [&](std::size_t t, std::size_t r) { return anchors[t].second < r; });
       if (place != tail.begin()) before[a] = *(place - 1);
       if (place == tail.end()) {
         tail.push_back(a);
@@ -144,11 +145,13 @@ class Aligner {
   // and goes on from there.
   void advance_window(Segment s) {
     const Segment window = {s.sent_begin, std::min(s.sent_end, s.sent_begin + kWindow),
-                            s.received_begin, std::min(s.received_end, s.received_begin + 2 * kWindow)};
+                            s.received_begin,
+                            std::min(s.received_end, s.received_begin + 2 * kWindow)};
     const auto [sent, received] = search(window, kWindow / 2);
-    const bool has_pair = std::any_of(partner_.begin() + static_cast<std::ptrdiff_t>(s.received_begin),
-                                      partner_.begin() + static_cast<std::ptrdiff_t>(received),
-                                      [](std::int64_t p) { return p >= 0; });
+    const bool has_pair =
+        std::any_of(partner_.begin() + static_cast<std::ptrdiff_t>(s.received_begin),
+                    partner_.begin() + static_cast<std::ptrdiff_t>(received),
+                    [](std::int64_t p) { return p >= 0; });
     if (has_pair) {
       s.sent_begin = sent;
       s.received_begin = received;
@@ -199,10 +202,12 @@ std::vector<std::int64_t> holes_before(const std::vector<std::int64_t>& index) {
 // Walks the unpaired positions of one side; says for each whether the other side is whole there: no
 // hole between the pairs around it, and after the last pair only when its writer ended in order.
 template <class OnUnpaired>
-void visit_unpaired(const std::vector<std::int64_t>& partner, const std::vector<std::int64_t>& other_index,
-                    bool other_is_complete, OnUnpaired on_unpaired) {
+void visit_unpaired(const std::vector<std::int64_t>& partner,
+                    const std::vector<std::int64_t>& other_index, bool other_is_complete,
+                    OnUnpaired on_unpaired) {
   const std::vector<std::int64_t> holes = holes_before(other_index);
-  const std::int64_t holes_at_end = (holes.empty() ? 0 : holes.back()) + (other_is_complete ? 0 : 1);
+  const std::int64_t holes_at_end =
+      (holes.empty() ? 0 : holes.back()) + (other_is_complete ? 0 : 1);
   std::vector<std::int64_t> next_holes(partner.size());
   std::int64_t here = holes_at_end;
   for (std::size_t j = partner.size(); j-- > 0;) {
@@ -223,11 +228,16 @@ void visit_unpaired(const std::vector<std::int64_t>& partner, const std::vector<
 
 const char* to_string(PacketLabel label) {
   switch (label) {
-    case PacketLabel::kAuthentic: return "authentic";
-    case PacketLabel::kAltered: return "altered";
-    case PacketLabel::kInjected: return "injected";
-    case PacketLabel::kForeign: return "foreign";
-    case PacketLabel::kUnknown: break;
+    case PacketLabel::kAuthentic:
+      return "authentic";
+    case PacketLabel::kAltered:
+      return "altered";
+    case PacketLabel::kInjected:
+      return "injected";
+    case PacketLabel::kForeign:
+      return "foreign";
+    case PacketLabel::kUnknown:
+      break;
   }
   return "unknown";
 }
@@ -243,7 +253,8 @@ LabelledFrame FrameLabels::find(std::int64_t rx_index) const {
 }
 
 void PacketLabeler::add(const can_frame_t& frame, Sequence& sequence) {
-  // Bit-rate switch and error-state flags are not kept by every bus, so they do not tell frames apart.
+  // Bit-rate switch and error-state flags are not kept by every bus, so they do not tell frames
+  // apart.
   constexpr std::int32_t kTold = int{can_frame_t::EXTENDED} | int{can_frame_t::REMOTE} |
                                  int{can_frame_t::ERROR} | int{can_frame_t::FD};
   const std::int32_t format = frame.flags & kTold;
@@ -254,9 +265,13 @@ void PacketLabeler::add(const can_frame_t& frame, Sequence& sequence) {
   sequence.key.push_back(key_of_.try_emplace(std::move(bytes), key).first->second);
 }
 
-void PacketLabeler::add_received(const can_frame_t& frame) { add(frame, received_); }
+void PacketLabeler::add_received(const can_frame_t& frame) {
+  add(frame, received_);
+}
 
-void PacketLabeler::add_sent(const can_frame_t& frame) { add(frame, sent_); }
+void PacketLabeler::add_sent(const can_frame_t& frame) {
+  add(frame, sent_);
+}
 
 void PacketLabeler::add_attack(const attack_frame_t& attack) {
   if (attack.tx_index < 0) return;

@@ -16,11 +16,11 @@ class attack_frame_t;
 
 /// Where a frame on the monitor-side bus came from.
 enum class PacketLabel {
-  kAuthentic,   // sent by the proxy as it was read from the sensor side
-  kAltered,     // sent by the proxy, changed by a rule
-  kInjected,    // made by a rule
-  kForeign,     // never sent by the proxy: somebody else wrote it to the bus
-  kUnknown      // what the proxy sent at that time is not in the log
+  kAuthentic,  // sent by the proxy as it was read from the sensor side
+  kAltered,    // sent by the proxy, changed by a rule
+  kInjected,   // made by a rule
+  kForeign,    // never sent by the proxy: somebody else wrote it to the bus
+  kUnknown     // what the proxy sent at that time is not in the log
 };
 inline constexpr PacketLabel kPacketLabels[] = {PacketLabel::kAuthentic, PacketLabel::kAltered,
                                                 PacketLabel::kInjected, PacketLabel::kForeign,
@@ -38,8 +38,8 @@ std::vector<std::int64_t> align_frames(std::span<const std::int32_t> sent,
 
 struct LabelledFrame {
   PacketLabel label = PacketLabel::kUnknown;
-  std::int64_t tx_index = -1;   // nth frame that the proxy sent, -1 when it did not send this one
-  std::string rule;             // that touched it, empty when none
+  std::int64_t tx_index = -1;  // nth frame that the proxy sent, -1 when it did not send this one
+  std::string rule;            // that touched it, empty when none
 };
 
 /// Labels of every frame that the driver read.
@@ -53,8 +53,8 @@ struct FrameLabels {
   LabelledFrame find(std::int64_t rx_index) const;
 };
 
-/// Joins what the driver read (CAN_RX) with what the proxy sent (CAN_TX) by the bytes of the frames,
-/// then with the proxy's truth (ATTACK_FRAME) by tx_index. Frames are added in bus order.
+/// Joins what the driver read (CAN_RX) with what the proxy sent (CAN_TX) by the bytes of the
+/// frames, then with the proxy's truth (ATTACK_FRAME) by tx_index. Frames are added in bus order.
 class PacketLabeler {
  public:
   void add_received(const can_frame_t& frame);
@@ -69,14 +69,14 @@ class PacketLabeler {
 
  private:
   struct Sequence {
-    std::vector<std::int64_t> index;   // the frames' own
-    std::vector<std::int32_t> key;     // equal keys: equal identifier, format and bytes
+    std::vector<std::int64_t> index;  // the frames' own
+    std::vector<std::int32_t> key;    // equal keys: equal identifier, format and bytes
   };
   void add(const can_frame_t& frame, Sequence& sequence);
 
   Sequence received_, sent_;
   std::unordered_map<std::string, std::int32_t> key_of_;
-  std::unordered_map<std::int64_t, LabelledFrame> touched_;   // by tx_index
+  std::unordered_map<std::int64_t, LabelledFrame> touched_;  // by tx_index
 };
 
 /// Area under the receiver operating characteristic of a score: the probability that a positive

@@ -16,6 +16,8 @@ constexpr double kPlotHeightMin = 260.0, kPlotHeightMax = 640.0;
 constexpr double kLegendRow = 20.0, kLegendColumn = 213.0;
 constexpr int kLegendColumns = 3;
 constexpr std::size_t kPointsMax = 2000;
+// How far estimates may widen the frame beyond truth and sensors, in spans of these.
+constexpr double kEstimateReach = 0.3;
 // Grey with the same contrast, 4.6 : 1, to white and to black.
 constexpr const char* kGrey = "#757575";
 
@@ -38,7 +40,9 @@ std::string number(double value, int decimals = 2) {
   return shown == "-0.00" || shown == "-0.0" || shown == "-0" ? shown.substr(1) : shown;
 }
 
-bool is_finite(const PlotPoint& point) { return std::isfinite(point.x) && std::isfinite(point.y); }
+bool is_finite(const PlotPoint& point) {
+  return std::isfinite(point.x) && std::isfinite(point.y);
+}
 
 struct Box {
   double x_low = std::numeric_limits<double>::infinity(), x_high = -x_low;
@@ -60,21 +64,26 @@ struct Box {
   }
 };
 
-// The part of the plane that is shown.
+// The part of the plane that is shown: truth and sensors, and estimates as far as they keep near.
 Box framed(const PathPlot& plot) {
   Box box;
   box.add(plot.truth);
   box.add(plot.sensors);
-  if (box.is_empty()) {
-    for (const PlotPath& path : plot.estimates) box.add(path.points);
-  }
+  Box estimates;
+  for (const PlotPath& path : plot.estimates) estimates.add(path.points);
+  if (box.is_empty()) box = estimates;
   if (box.is_empty()) return {0.0, 1.0, 0.0, 1.0};
-  const double largest = std::max({std::fabs(box.x_low), std::fabs(box.x_high), std::fabs(box.y_low),
-                                   std::fabs(box.y_high)});
+  const double largest = std::max(
+      {std::fabs(box.x_low), std::fabs(box.x_high), std::fabs(box.y_low), std::fabs(box.y_high)});
   // A path that stands still gets a frame too, wide enough for the numbers at its ticks.
-  const double span = std::max({box.x_high - box.x_low, box.y_high - box.y_low, 1e-6 * largest, 1e-6});
+  const double span =
+      std::max({box.x_high - box.x_low, box.y_high - box.y_low, 1e-6 * largest, 1e-6});
+  const double reach = kEstimateReach * span;
   const double margin = 0.08 * span;
-  return {box.x_low - margin, box.x_high + margin, box.y_low - margin, box.y_high + margin};
+  return {std::max(std::min(box.x_low, estimates.x_low), box.x_low - reach) - margin,
+          std::min(std::max(box.x_high, estimates.x_high), box.x_high + reach) + margin,
+          std::max(std::min(box.y_low, estimates.y_low), box.y_low - reach) - margin,
+          std::min(std::max(box.y_high, estimates.y_high), box.y_high + reach) + margin};
 }
 
 // Maps the plane to the picture, with one scale for both axes.
@@ -94,8 +103,12 @@ class Frame {
   double bottom() const { return kTop + height_; }
   double height() const { return height_; }
   // Far outside all places look the same; the bound keeps the numbers in the file short.
-  double x(double value) const { return std::clamp(kLeft + (value - box_.x_low) * scale_, -1e5, 1e5); }
-  double y(double value) const { return std::clamp(bottom() - (value - box_.y_low) * scale_, -1e5, 1e5); }
+  double x(double value) const {
+    return std::clamp(kLeft + (value - box_.x_low) * scale_, -1e5, 1e5);
+  }
+  double y(double value) const {
+    return std::clamp(bottom() - (value - box_.y_low) * scale_, -1e5, 1e5);
+  }
 
  private:
   Box box_;
@@ -116,7 +129,8 @@ std::string axes(const Frame& frame, const PathPlot& plot) {
   const int decimals = std::clamp(static_cast<int>(-std::floor(std::log10(step) + 1e-9)), 0, 9);
   std::string grid, labels;
   const auto line = [&grid](double x1, double y1, double x2, double y2) {
-    grid += "<path d=\"M" + number(x1) + " " + number(y1) + "L" + number(x2) + " " + number(y2) + "\"/>\n";
+    grid += "<path d=\"M" + number(x1) + " " + number(y1) + "L" + number(x2) + " " + number(y2) +
+            "\"/>\n";
   };
   for (double i = std::ceil(box.x_low / step); i * step <= box.x_high; ++i) {
     const double x = frame.x(i * step);
@@ -127,14 +141,15 @@ std::string axes(const Frame& frame, const PathPlot& plot) {
   for (double i = std::ceil(box.y_low / step); i * step <= box.y_high; ++i) {
     const double y = frame.y(i * step);
     line(kLeft, y, kWidth - kRight, y);
-    labels += "<text x=\"" + number(kLeft - 6) + "\" y=\"" + number(y + 4) + "\" text-anchor=\"end\">" +
-              number(i * step, decimals) + "</text>\n";
+    labels += "<text x=\"" + number(kLeft - 6) + "\" y=\"" + number(y + 4) +
+              "\" text-anchor=\"end\">" + number(i * step, decimals) + "</text>\n";
   }
   const double x_middle = 0.5 * (kLeft + kWidth - kRight), y_middle = kTop + 0.5 * frame.height();
   labels += "<text x=\"" + number(x_middle) + "\" y=\"" + number(frame.bottom() + 36) +
             "\" text-anchor=\"middle\">" + printable_xml(plot.x_label, 80) + "</text>\n";
-  labels += "<text x=\"14\" y=\"" + number(y_middle) + "\" text-anchor=\"middle\" transform=\"rotate(-90 14 " +
-            number(y_middle) + ")\">" + printable_xml(plot.y_label, 80) + "</text>\n";
+  labels += "<text x=\"14\" y=\"" + number(y_middle) +
+            "\" text-anchor=\"middle\" transform=\"rotate(-90 14 " + number(y_middle) + ")\">" +
+            printable_xml(plot.y_label, 80) + "</text>\n";
   return std::string("<g stroke=\"") + kGrey + "\" stroke-opacity=\"0.3\" fill=\"none\">\n" + grid +
          "<rect x=\"" + number(kLeft) + "\" y=\"" + number(kTop) + "\" width=\"" +
          number(kWidth - kLeft - kRight) + "\" height=\"" + number(frame.height()) +
@@ -151,7 +166,8 @@ std::string path_data(const std::vector<PlotPoint>& points, const Frame& frame) 
       is_drawing = false;
       continue;
     }
-    data += (is_drawing ? "L" : "M") + number(frame.x(points[i].x)) + " " + number(frame.y(points[i].y));
+    data += (is_drawing ? "L" : "M") + number(frame.x(points[i].x)) + " " +
+            number(frame.y(points[i].y));
     is_drawing = true;
   }
   return data;
@@ -159,17 +175,18 @@ std::string path_data(const std::vector<PlotPoint>& points, const Frame& frame) 
 
 std::string drawn(const std::string& data, const std::string& colour, const std::string& width,
                   const std::string& dashes) {
-  return "<path d=\"" + data + "\" fill=\"none\" stroke=\"" + colour + "\" stroke-width=\"" + width +
-         "\" stroke-dasharray=\"" + dashes + "\" stroke-linejoin=\"round\"/>\n";
+  return "<path d=\"" + data + "\" fill=\"none\" stroke=\"" + colour + "\" stroke-width=\"" +
+         width + "\" stroke-dasharray=\"" + dashes + "\" stroke-linejoin=\"round\"/>\n";
 }
 
 std::string sensor_mark(double x, double y) {
-  return "<path d=\"M" + number(x - 4) + " " + number(y + 3.5) + "h8l-4 -7z\" fill=\"none\" stroke=\"" +
-         kGrey + "\"/>\n";
+  return "<path d=\"M" + number(x - 4) + " " + number(y + 3.5) +
+         "h8l-4 -7z\" fill=\"none\" stroke=\"" + kGrey + "\"/>\n";
 }
 
 std::string start_mark(double x, double y) {
-  return "<circle cx=\"" + number(x) + "\" cy=\"" + number(y) + "\" r=\"5\" fill=\"" + kGrey + "\"/>\n";
+  return "<circle cx=\"" + number(x) + "\" cy=\"" + number(y) + "\" r=\"5\" fill=\"" + kGrey +
+         "\"/>\n";
 }
 
 class Legend {
@@ -178,7 +195,8 @@ class Legend {
 
   // Place of the next entry's mark: left end and middle height.
   PlotPoint place() const {
-    return {kLeft + kLegendColumn * (count_ % kLegendColumns), top_ + kLegendRow * (count_ / kLegendColumns)};
+    return {kLeft + kLegendColumn * (count_ % kLegendColumns),
+            top_ + kLegendRow * (count_ / kLegendColumns)};
   }
   void add(const std::string& mark, const std::string& text) {
     entries_ += mark + "<text x=\"" + number(place().x + 34) + "\" y=\"" + number(place().y + 4) +
@@ -216,28 +234,31 @@ std::string draw_path_plot(const PathPlot& plot) {
     const PlotPath& path = plot.estimates[e];
     const Stroke& stroke = kStrokes[e % kStrokes.size()];
     curves += drawn(path_data(path.points, frame), stroke.colour, "2", stroke.dashes);
-    const bool leaves = std::any_of(path.points.begin(), path.points.end(), [&](const PlotPoint& p) {
-      return is_finite(p) && !frame.box().holds(p);
-    });
-    legend.add_line(path.name + (leaves ? " (leaves the picture)" : ""), stroke.colour, "2", stroke.dashes);
+    const bool leaves =
+        std::any_of(path.points.begin(), path.points.end(),
+                    [&](const PlotPoint& p) { return is_finite(p) && !frame.box().holds(p); });
+    legend.add_line(path.name + (leaves ? " (leaves the picture)" : ""), stroke.colour, "2",
+                    stroke.dashes);
   }
   const auto start = std::find_if(plot.truth.begin(), plot.truth.end(), is_finite);
   if (start != plot.truth.end()) {
     curves += start_mark(frame.x(start->x), frame.y(start->y));
     legend.add(start_mark(legend.place().x + 14, legend.place().y), "start");
   }
-  if (!plot.sensors.empty()) legend.add(sensor_mark(legend.place().x + 14, legend.place().y), "sensor");
+  if (!plot.sensors.empty())
+    legend.add(sensor_mark(legend.place().x + 14, legend.place().y), "sensor");
 
   const double height = frame.bottom() + kAxisHeight + legend.height() + 4;
   const std::string title = printable_xml(plot.title, 100);
   return "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"720\" height=\"" + number(height, 0) +
          "\" viewBox=\"0 0 720 " + number(height, 0) +
          "\" font-family=\"sans-serif\" font-size=\"12\" role=\"img\">\n<title>" + title +
-         "</title>\n<defs><clipPath id=\"frame\"><rect x=\"" + number(kLeft) + "\" y=\"" + number(kTop) +
-         "\" width=\"" + number(kWidth - kLeft - kRight) + "\" height=\"" + number(frame.height()) +
-         "\"/></clipPath></defs>\n<text x=\"" + number(kLeft) + "\" y=\"24\" font-size=\"15\" fill=\"" +
-         kGrey + "\">" + title + "</text>\n" + axes(frame, plot) + "<g clip-path=\"url(#frame)\">\n" +
-         curves + "</g>\n" + legend.entries() + "</svg>\n";
+         "</title>\n<defs><clipPath id=\"frame\"><rect x=\"" + number(kLeft) + "\" y=\"" +
+         number(kTop) + "\" width=\"" + number(kWidth - kLeft - kRight) + "\" height=\"" +
+         number(frame.height()) + "\"/></clipPath></defs>\n<text x=\"" + number(kLeft) +
+         "\" y=\"24\" font-size=\"15\" fill=\"" + kGrey + "\">" + title + "</text>\n" +
+         axes(frame, plot) + "<g clip-path=\"url(#frame)\">\n" + curves + "</g>\n" +
+         legend.entries() + "</svg>\n";
 }
 
 }  // namespace holdfast

@@ -5,8 +5,8 @@
 
 namespace holdfast {
 
-/// Text from a log or a bus, made safe to show: valid UTF-8 without control characters (those become
-/// \xNN, a broken byte becomes '?'), cut at max_bytes.
+/// Text from a log or a bus, made safe to show: valid UTF-8 without control characters (those
+/// become \xNN, a broken byte becomes '?'), cut at max_bytes.
 std::string printable(std::string_view text, std::size_t max_bytes = 400);
 
 /// The same, with the characters that XML reserves escaped; for text and attributes.

@@ -18,7 +18,7 @@ struct ProgramOptions {
 
   void add_scenario(CLI::App& app) {
     app.add_option("--scenario,scenario", scenario, "Scenario file (YAML)")->required();
-    app.add_option("--set", overrides, "Override a key: path.to.key=value (repeatable)")->expected(1);
+    app.add_option("--set", overrides, "Override a key: path.to.key=value (repeatable)")->allow_extra_args(false);
   }
   void add_lcm(CLI::App& app) {
     app.add_option("--lcm-url", lcm_url, "LCM URL [$LCM_DEFAULT_URL, else udpm with ttl=0]");

@@ -23,7 +23,8 @@ struct ReviewOptions {
 };
 
 int compare(const ReviewOptions& options) {
-  const CompareResult result = compare_logs(options.compared[0], options.compared[1], options.compare);
+  const CompareResult result =
+      compare_logs(options.compared[0], options.compared[1], options.compare);
   std::cout << result.text();
   return result.is_equal ? 0 : 1;
 }
@@ -33,7 +34,8 @@ void write_json(const std::string& file, const std::vector<RunReview>& reviews) 
   if (reviews.size() == 1) {
     text = review_json(reviews.front());
   } else {
-    for (const RunReview& review : reviews) text += (text.empty() ? "[\n" : ",\n") + review_json(review);
+    for (const RunReview& review : reviews)
+      text += (text.empty() ? "[\n" : ",\n") + review_json(review);
     text += "]\n";
   }
   if (file == "-") {
@@ -44,7 +46,8 @@ void write_json(const std::string& file, const std::vector<RunReview>& reviews) 
 }
 
 int review(const ReviewOptions& options) {
-  if (options.logs.empty()) throw UsageError("no log given; try: holdfast-review runs/NAME/log.lcm, or --help");
+  if (options.logs.empty())
+    throw UsageError("no log given; try: holdfast-review runs/NAME/log.lcm, or --help");
   if (options.logs.size() > 1 && (!options.folder.empty() || !options.labels_file.empty())) {
     throw UsageError("--out and --labels take one log; run them once for each");
   }
@@ -63,16 +66,24 @@ int review(const ReviewOptions& options) {
 }  // namespace holdfast
 
 int main(int argc, char** argv) {
-  CLI::App app{"Reviews logs of runs: errors against the truth, outcomes, frames, losses, times; or compares two logs."};
+  CLI::App app{
+      "Reviews logs of runs: errors against the truth, outcomes, frames, losses, times; or "
+      "compares two logs."};
   app.footer(holdfast::kExamples);
   holdfast::ReviewOptions options;
   auto* logs = app.add_option("LOG", options.logs, "Logs to review, one table each");
-  app.add_option("--json", options.json_file, "Also write the review as JSON; '-': to standard output instead of the table");
-  app.add_option("--out", options.folder, "Also write review.txt, review.json and path.svg to this folder");
+  app.add_option("--json", options.json_file,
+                 "Also write the review as JSON; '-': to standard output instead of the table");
+  app.add_option("--out", options.folder,
+                 "Also write review.txt, review.json and path.svg to this folder");
   app.add_option("--labels", options.labels_file, "Also write the label of each packet as CSV");
-  auto* compared = app.add_option("--compare", options.compared, "Compare two logs instead")->expected(2)->excludes(logs);
-  app.add_option("--channels", options.compare.channels, "Channels to compare, a regular expression")
-      ->capture_default_str()->needs(compared);
+  auto* compared = app.add_option("--compare", options.compared, "Compare two logs instead")
+                       ->expected(2)
+                       ->excludes(logs);
+  app.add_option("--channels", options.compare.channels,
+                 "Channels to compare, a regular expression")
+      ->capture_default_str()
+      ->needs(compared);
   const int status = holdfast::parse_command_line(app, "holdfast-review", argc, argv);
   if (status >= 0) return status;
   return holdfast::run_program("holdfast-review", [&] {

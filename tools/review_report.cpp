@@ -21,7 +21,9 @@ std::string number(double value, int digits = 4) {
   return text;
 }
 
-std::string optional_number(const std::optional<double>& value) { return value ? number(*value) : "-"; }
+std::string optional_number(const std::optional<double>& value) {
+  return value ? number(*value) : "-";
+}
 
 // Rows of cells under a header: the first column to the left, the others to the right.
 class TextTable {
@@ -32,7 +34,8 @@ class TextTable {
     std::vector<std::size_t> widths;
     for (const auto& row : rows_) {
       widths.resize(std::max(widths.size(), row.size()), 0);
-      for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], text_width(row[c]));
+      for (std::size_t c = 0; c < row.size(); ++c)
+        widths[c] = std::max(widths[c], text_width(row[c]));
     }
     std::string text;
     for (const auto& row : rows_) {
@@ -55,9 +58,11 @@ std::string estimator_table(const RunReview& review) {
   TextTable table;
   std::vector<std::string> header = {"RMSE"};
   for (const GroupError& error : review.estimators.front().errors) {
-    header.push_back(printable(error.name, 40) + (error.unit.empty() ? "" : " " + printable(error.unit, 20)));
+    header.push_back(printable(error.name, 40) +
+                     (error.unit.empty() ? "" : " " + printable(error.unit, 20)));
   }
-  for (const char* title : {"steps", "missing", "not ok", "NEES", "AUC", "p50 us", "p99 us", "max us"}) {
+  for (const char* title :
+       {"steps", "missing", "not ok", "NEES", "AUC", "p50 us", "p99 us", "max us"}) {
     header.emplace_back(title);
   }
   table.add(header);
@@ -67,7 +72,8 @@ std::string estimator_table(const RunReview& review) {
     std::int64_t not_ok = 0;
     for (const auto& [name, count] : estimator.outcomes) not_ok += count;
     row.push_back(std::to_string(estimator.num_steps));
-    row.push_back(estimator.is_campaign_only ? "campaign" : std::to_string(estimator.missing_steps));
+    row.push_back(estimator.is_campaign_only ? "campaign"
+                                             : std::to_string(estimator.missing_steps));
     row.push_back(std::to_string(not_ok));
     row.push_back(optional_number(estimator.nees_mean));
     row.push_back(optional_number(estimator.packet_auc));
@@ -80,7 +86,8 @@ std::string estimator_table(const RunReview& review) {
   std::string text = table.text();
   for (const EstimatorReview& estimator : review.estimators) {
     for (const auto& [name, count] : estimator.outcomes) {
-      text += printable(estimator.name, 40) + ": " + std::to_string(count) + " steps " + name + '\n';
+      text +=
+          printable(estimator.name, 40) + ": " + std::to_string(count) + " steps " + name + '\n';
     }
   }
   return text;
@@ -91,13 +98,16 @@ std::string frame_lines(const RunReview& review) {
     return value ? std::to_string(*value) : std::string("-");
   };
   TextTable table;
-  table.add({"frames", "sent " + count(review.frames_sent), "touched " + std::to_string(review.frames_touched),
+  table.add({"frames", "sent " + count(review.frames_sent),
+             "touched " + std::to_string(review.frames_touched),
              "received " + count(review.frames_received)});
   std::string text = table.text();
-  const auto labels = [&text](const char* title, const std::map<PacketLabel, std::int64_t>& counts) {
+  const auto labels = [&text](const char* title,
+                              const std::map<PacketLabel, std::int64_t>& counts) {
     if (counts.empty()) return;
     text += title;
-    for (const auto& [label, number_of] : counts) text += "  " + std::string(to_string(label)) + ' ' + std::to_string(number_of);
+    for (const auto& [label, number_of] : counts)
+      text += "  " + std::string(to_string(label)) + ' ' + std::to_string(number_of);
     text += '\n';
   };
   if (review.frames.has_sent) {
@@ -105,11 +115,12 @@ std::string frame_lines(const RunReview& review) {
     labels("packets", review.packet_count);
   }
   text += "losses  " + std::to_string(review.losses_in_all) + '\n';
-  text += "refused  datagrams in the log " + std::to_string(review.refused_in_log) + "  by the processes " +
-          std::to_string(review.refused_by_processes) + '\n';
+  text += "refused  datagrams in the log " + std::to_string(review.refused_in_log) +
+          "  by the processes " + std::to_string(review.refused_by_processes) + '\n';
   for (const auto& [channel, trouble] : review.troubles) {
     for (const auto& [verdict, number_of] : trouble.refused) {
-      text += "  " + printable(channel, 60) + ": " + std::to_string(number_of) + ' ' + verdict + '\n';
+      text +=
+          "  " + printable(channel, 60) + ": " + std::to_string(number_of) + ' ' + verdict + '\n';
     }
   }
   return text;
@@ -129,7 +140,8 @@ std::string rule_table(const RunReview& review) {
 std::string process_lines(const RunReview& review) {
   std::string text;
   for (const ProcessReview& process : review.processes) {
-    text += printable(process.name, 40) + ": " + process.state + " at step " + std::to_string(process.step);
+    text += printable(process.name, 40) + ": " + process.state + " at step " +
+            std::to_string(process.step);
     for (const auto& [name, value] : process.counters) {
       if (value != 0) text += "  " + printable(name, 40) + ' ' + std::to_string(value);
     }
@@ -140,14 +152,21 @@ std::string process_lines(const RunReview& review) {
 
 Json time_json(const TimeSummary& time) {
   if (time.count == 0) return nullptr;
-  return {{"count", time.count}, {"p50_us", time.p50_us}, {"p99_us", time.p99_us}, {"max_us", time.max_us}};
+  return {{"count", time.count},
+          {"p50_us", time.p50_us},
+          {"p99_us", time.p99_us},
+          {"max_us", time.max_us}};
 }
 
-Json optional_json(const auto& value) { return value ? Json(*value) : Json(nullptr); }
+Json optional_json(const auto& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
 
 Json estimator_json(const EstimatorReview& estimator) {
-  Json json = {{"name", estimator.name}, {"channel", estimator.channel},
-               {"is_in_scenario", estimator.is_in_scenario}, {"is_campaign_only", estimator.is_campaign_only}};
+  Json json = {{"name", estimator.name},
+               {"channel", estimator.channel},
+               {"is_in_scenario", estimator.is_in_scenario},
+               {"is_campaign_only", estimator.is_campaign_only}};
   json["rmse"] = Json::object();
   for (const GroupError& error : estimator.errors) {
     json["rmse"][error.name] = {{"value", optional_json(error.rmse)}, {"unit", error.unit}};
@@ -176,15 +195,20 @@ Json label_json(const std::map<PacketLabel, std::int64_t>& counts) {
 }
 
 Json frames_json(const RunReview& review) {
-  Json json = {{"sent", optional_json(review.frames_sent)}, {"touched", review.frames_touched},
-               {"received", optional_json(review.frames_received)}, {"recorded", review.frames_recorded}};
+  Json json = {{"sent", optional_json(review.frames_sent)},
+               {"touched", review.frames_touched},
+               {"received", optional_json(review.frames_received)},
+               {"recorded", review.frames_recorded}};
   json["labels"] = review.frames.has_sent ? label_json(review.frames.count) : Json(nullptr);
   json["lost"] = review.frames.lost;
   json["lost_unknown"] = review.frames.lost_unknown;
   json["rules"] = Json::array();
   for (const RuleReview& rule : review.rules) {
-    json["rules"].push_back({{"rule", rule.rule}, {"action", rule.action}, {"altered", rule.altered},
-                             {"dropped", rule.dropped}, {"injected", rule.injected}});
+    json["rules"].push_back({{"rule", rule.rule},
+                             {"action", rule.action},
+                             {"altered", rule.altered},
+                             {"dropped", rule.dropped},
+                             {"injected", rule.injected}});
   }
   return json;
 }
@@ -192,20 +216,27 @@ Json frames_json(const RunReview& review) {
 Json processes_json(const RunReview& review) {
   Json json = Json::array();
   for (const ProcessReview& process : review.processes) {
-    json.push_back({{"name", process.name}, {"state", process.state}, {"step", process.step},
-                    {"remark", process.remark}, {"counters", Json(process.counters)}});
+    json.push_back({{"name", process.name},
+                    {"state", process.state},
+                    {"step", process.step},
+                    {"remark", process.remark},
+                    {"counters", Json(process.counters)}});
   }
   return json;
 }
 
 Json log_json(const RunReview& review) {
-  Json json = {{"events", review.num_events}, {"damaged_bytes", review.damaged_bytes},
-               {"tail_is_torn", review.tail_is_torn}, {"refused_in_log", review.refused_in_log},
+  Json json = {{"events", review.num_events},
+               {"damaged_bytes", review.damaged_bytes},
+               {"tail_is_torn", review.tail_is_torn},
+               {"refused_in_log", review.refused_in_log},
                {"refused_by_processes", review.refused_by_processes}};
   json["channels"] = Json::object();
   for (const auto& [channel, trouble] : review.troubles) {
-    json["channels"][channel] = {{"refused", Json(trouble.refused)}, {"missing_seq", trouble.missing_seq},
-                                 {"backward_seq", trouble.backward_seq}, {"odd_step", trouble.odd_step}};
+    json["channels"][channel] = {{"refused", Json(trouble.refused)},
+                                 {"missing_seq", trouble.missing_seq},
+                                 {"backward_seq", trouble.backward_seq},
+                                 {"odd_step", trouble.odd_step}};
   }
   return json;
 }
@@ -213,18 +244,25 @@ Json log_json(const RunReview& review) {
 }  // namespace
 
 std::string review_table(const RunReview& review) {
-  std::string text = printable(review.name, 60) + "  seed " + std::to_string(review.seed) + "  run " +
-                     std::to_string(review.run) + "  steps " + std::to_string(review.num_steps) +
-                     "  scenario " + review.scenario_hash + '\n' + printable(review.file) + "\n\n";
-  text += estimator_table(review) + '\n' + frame_lines(review) + '\n' + rule_table(review) + process_lines(review);
+  std::string text = printable(review.name, 60) + "  seed " + std::to_string(review.seed) +
+                     "  run " + std::to_string(review.run) + "  steps " +
+                     std::to_string(review.num_steps) + "  scenario " + review.scenario_hash +
+                     '\n' + printable(review.file) + "\n\n";
+  text += estimator_table(review) + '\n' + frame_lines(review) + '\n' + rule_table(review) +
+          process_lines(review);
   for (const std::string& warning : review.warnings) text += "WARNING " + printable(warning) + '\n';
   return text;
 }
 
 std::string review_json(const RunReview& review) {
-  Json json = {{"file", review.file}, {"name", review.name}, {"seed", review.seed}, {"run", review.run},
-               {"scenario_hash", review.scenario_hash}, {"steps", review.num_steps},
-               {"truth_steps", review.truth_steps}, {"measurement_steps", review.measurement_steps}};
+  Json json = {{"file", review.file},
+               {"name", review.name},
+               {"seed", review.seed},
+               {"run", review.run},
+               {"scenario_hash", review.scenario_hash},
+               {"steps", review.num_steps},
+               {"truth_steps", review.truth_steps},
+               {"measurement_steps", review.measurement_steps}};
   json["estimators"] = Json::array();
   for (const EstimatorReview& estimator : review.estimators) {
     json["estimators"].push_back(estimator_json(estimator));
@@ -233,7 +271,8 @@ std::string review_json(const RunReview& review) {
   json["packets"] = label_json(review.packet_count);
   json["losses"] = {{"sum", review.losses_in_all}, {"items", Json::array()}};
   for (const Loss& loss : review.losses) {
-    json["losses"]["items"].push_back({{"where", loss.where}, {"counter", loss.counter}, {"count", loss.count}});
+    json["losses"]["items"].push_back(
+        {{"where", loss.where}, {"counter", loss.counter}, {"count", loss.count}});
   }
   json["processes"] = processes_json(review);
   json["log"] = log_json(review);

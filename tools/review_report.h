@@ -17,9 +17,9 @@ std::string review_json(const RunReview& review);
 /// Truth, estimates and sensors of the review in the plane.
 PathPlot path_plot_of(const RunReview& review);
 
-/// Reviews a log and writes review.txt and review.json to the folder (made when missing), and path.svg
-/// when the scenario's group "position" has two states. Returns the table. Throws UsageError for a
-/// log that cannot be reviewed and JobError for a folder that cannot be written.
+/// Reviews a log and writes review.txt and review.json to the folder (made when missing), and
+/// path.svg when the scenario's group "position" has two states. Returns the table. Throws
+/// UsageError for a log that cannot be reviewed and JobError for a folder that cannot be written.
 std::string write_review_report(const std::string& log_file, const std::string& folder);
 std::string write_review_report(const RunReview& review, const std::string& folder);
 

@@ -13,7 +13,7 @@ int main(int argc, char** argv) {
       "  holdfast-run scenarios/binary_tracking.yaml --set seed=7 --set attacks.flip.probability=0.2");
   holdfast::LaunchOptions options;
   app.add_option("scenario,--scenario", options.scenario, "Scenario file (YAML)")->required();
-  app.add_option("--set", options.overrides, "Override a key: path.to.key=value (repeatable)")->expected(1);
+  app.add_option("--set", options.overrides, "Override a key: path.to.key=value (repeatable)")->allow_extra_args(false);
   app.add_option("--lcm-url", options.lcm_url, "LCM URL [a free port on loopback]");
   app.add_option("--runs", options.runs_folder, "Folder for the run's folder [runs]");
   app.add_option("--stall-timeout", options.stall_timeout_s, "Seconds without a new step that end the run [20]")

@@ -31,9 +31,9 @@ check_with_vcan() {
   # shellcheck disable=SC2016
   call "$root/scripts/with-vcan" bash -c 'candump -n 1 -L vcan0 | cut -d" " -f2,3 &
     until grep -q "^ *vcan0 " /proc/net/can/rcvlist_all; do :; done
-    cansend vcan0 123##1DEADBEEF; wait
+    cansend vcan0 123#DEADBEEF; wait
     head -c 2000000 /dev/zero | tr "\0" x >&2; kill -TERM $$'
-  expect "frame" "$out" "vcan0 123##1DEADBEEF"
+  expect "frame" "$out" "vcan0 123#DEADBEEF"
   expect "bytes of stderr" "$(wc -c <"$work/err")" 2000000
   expect "status of a signal" "$status" 143
   call "$root/scripts/with-vcan" "$root/scripts/with-vcan" "$root/scripts/private-network" test -e /sys/class/net/vcan1

@@ -103,7 +103,10 @@ TEST_CASE("a threshold that is off by 1e-9 fails the golden values") {
 
 TEST_CASE("distribution and survival of the glint noise") {
   const BinaryTargetModel model;  // Table I
-  for (const auto& row : golden("loglik.json").at("scalar").at("glint_cdf")) {
+  const auto file = golden("loglik.json");
+  const auto& rows = file.at("scalar").at("glint_cdf");
+  REQUIRE(rows.size() == 14);
+  for (const auto& row : rows) {
     const double u = row[0], distribution = row[1], survival = row[2];
     // erfc of this library: 1 ulp, times 2 z^2 for the rounding of its argument (u = 10: 400 ulp).
     CHECK(std::abs(model.glint_distribution(u) - distribution) < 1e-13 * distribution);

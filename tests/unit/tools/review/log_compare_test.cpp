@@ -45,7 +45,8 @@ TEST_CASE("equal estimates are equal, whatever seq, log time and other channels 
       LogEvent event;
       estimate_t estimate;
       while (reader.next(event)) {
-        if (event.channel == "EST_A" && decode_guarded(event.data, estimate) && estimate.step == k) break;
+        if (event.channel == "EST_A" && decode_guarded(event.data, estimate) && estimate.step == k)
+          break;
       }
       estimate.measurement_seq = 900 + k;
       estimate.seq = 77;
@@ -78,11 +79,12 @@ TEST_CASE("one bit in any field makes a difference with a name") {
       differs("mean[0]", [](estimate_t& e) { e.mean[0] = std::nextafter(e.mean[0], 1.0); });
   CHECK(last_bit.value_a != last_bit.value_b);
   CHECK(last_bit.value_a == "0.30000000000000004");
-  differs("mean[1]", [](estimate_t& e) { e.mean[1] = 0.0; });   // -0 is not 0
+  differs("mean[1]", [](estimate_t& e) { e.mean[1] = 0.0; });  // -0 is not 0
   const FieldDifference nan = differs("mean[1]", [](estimate_t& e) { e.mean[1] = std::nan(""); });
   CHECK(nan.value_b.find("nan") != std::string::npos);
   differs("hypotheses[0].mean[1]", [](estimate_t& e) { e.hypotheses[0].mean[1] = 3.0; });
-  const FieldDifference name = differs("hypotheses[0].name", [](estimate_t& e) { e.hypotheses[0].name = "\x1b[2J"; });
+  const FieldDifference name =
+      differs("hypotheses[0].name", [](estimate_t& e) { e.hypotheses[0].name = "\x1b[2J"; });
   CHECK(name.value_b == "'\\x1b[2J'");
   differs("outcome", [](estimate_t& e) { e.outcome = 2; });
   differs("utime", [](estimate_t& e) { e.utime = 1; });
@@ -107,7 +109,8 @@ TEST_CASE("a missing step, a missing channel and nothing at all are not equal") 
     LogWriter log(folder.file("shorter"));
     LogReader reader(folder.file("a"));
     LogEvent event;
-    for (int i = 0; i < 4 && reader.next(event); ++i) log.write(event.channel, event.utime, event.data);
+    for (int i = 0; i < 4 && reader.next(event); ++i)
+      log.write(event.channel, event.utime, event.data);
     LogWriter more(folder.file("more"));
     LogReader again(folder.file("a"));
     while (again.next(event)) more.write(event.channel, event.utime, event.data);
@@ -124,6 +127,23 @@ TEST_CASE("a missing step, a missing channel and nothing at all are not equal") 
   const CompareResult empty = compare_logs(folder.file("empty"), folder.file("empty"));
   CHECK_FALSE(empty.is_equal);
   CHECK(empty.text().find("nothing was compared") != std::string::npos);
+}
+
+TEST_CASE("an estimator that only a campaign can have may be missing, no other may") {
+  const ScratchFolder folder;
+  for (const char* channel : {"EST_UNCORRUPTED", "EST_NEGLECT"}) {
+    write_run(folder.file("live"), no_change);
+    {
+      LogWriter log(folder.file("campaign"));
+      LogReader reader(folder.file("live"));
+      LogEvent event;
+      while (reader.next(event)) log.write(event.channel, event.utime, event.data);
+      write_estimate(log, channel, 1, {1.0});
+    }
+    const CompareResult result = compare_logs(folder.file("live"), folder.file("campaign"));
+    CHECK(result.is_equal == (std::string(channel) == "EST_UNCORRUPTED"));
+    CHECK(result.text().find(std::string(channel) + " stands only in B") != std::string::npos);
+  }
 }
 
 TEST_CASE("steps that stand twice are told") {
@@ -164,12 +184,12 @@ TEST_CASE("other channels are compared on request, without receive stamps") {
   write_measurements("b", 200, 1.0);
   write_measurements("c", 100, 2.0);
   CompareOptions options;
-  options.channels = ".*";   // RUN_META is left out all the same
+  options.channels = ".*";  // RUN_META is left out all the same
   CHECK(compare_logs(folder.file("a"), folder.file("b"), options).is_equal);
   const CompareResult different = compare_logs(folder.file("a"), folder.file("c"), options);
   REQUIRE(different.differences.size() == 1);
   CHECK(different.differences[0].field == "packets[0].values[0]");
-  CHECK_FALSE(compare_logs(folder.file("a"), folder.file("b")).is_equal);   // no EST_ in either
+  CHECK_FALSE(compare_logs(folder.file("a"), folder.file("b")).is_equal);  // no EST_ in either
   options.channels = "(";
   CHECK_THROWS_AS(compare_logs(folder.file("a"), folder.file("b"), options), UsageError);
 }
@@ -192,7 +212,8 @@ TEST_CASE("hostile events are left out and told") {
 TEST_CASE("the list of integer fields is that of the .lcm files") {
   const std::regex field(R"(^\s*(int64_t|double)\s+(\w+))");
   int fields = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(std::string(HOLDFAST_SOURCE_DIR) + "/lcmtypes")) {
+  for (const auto& entry :
+       std::filesystem::directory_iterator(std::string(HOLDFAST_SOURCE_DIR) + "/lcmtypes")) {
     if (entry.path().extension() != ".lcm") continue;
     std::ifstream stream(entry.path());
     for (std::string line; std::getline(stream, line);) {

@@ -18,8 +18,9 @@ const std::vector<double> kTruth = {1.0, 0.0, 2.0, 0.0};
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 bool has_warning(const RunReview& review, const std::string& part) {
-  return std::any_of(review.warnings.begin(), review.warnings.end(),
-                     [&](const std::string& warning) { return warning.find(part) != std::string::npos; });
+  return std::any_of(
+      review.warnings.begin(), review.warnings.end(),
+      [&](const std::string& warning) { return warning.find(part) != std::string::npos; });
 }
 
 const EstimatorReview& estimator(const RunReview& review, const std::string& name) {
@@ -77,7 +78,7 @@ TEST_CASE("errors, NEES and times have their closed-form values") {
   CHECK(neglect.errors[0].rmse.value() == std::sqrt((1.0 + 4.0 + 9.0 + 16.0) / 4.0));
   CHECK_FALSE(neglect.nees_mean.has_value());
   CHECK(estimator(review, "uncorrupted").is_campaign_only);
-  CHECK(review.frames_sent.value() == 68);   // the newest status, not the first
+  CHECK(review.frames_sent.value() == 68);  // the newest status, not the first
   CHECK(review.losses_in_all == 0);
   CHECK(review.warnings.empty());
 }
@@ -89,14 +90,15 @@ TEST_CASE("missing, repeated, failed and non-finite steps are told apart") {
     write_meta(log);
     for (std::int64_t k = 1; k <= 3; ++k) write_truth(log, k, kTruth);
     write_estimate(log, "EST_SECURE", 1, kTruth);
-    write_estimate(log, "EST_SECURE", 1, {100.0, 0.0, 0.0, 0.0});   // second word on step 1
+    write_estimate(log, "EST_SECURE", 1, {100.0, 0.0, 0.0, 0.0});  // second word on step 1
     write_estimate(log, "EST_SECURE", 2, {NAN, 0.0, 0.0, 0.0});
-    estimate_t failed = make_estimate(4, kTruth);                  // no truth in step 4
+    estimate_t failed = make_estimate(4, kTruth);  // no truth in step 4
     failed.outcome = estimate_t::OUTCOME_DEGENERATE_WEIGHTS;
     log.write_message("EST_SECURE", 0, failed);
-    write_estimate(log, "EST_SECURE", 0, kTruth);                  // a prior is no step
-    write_estimate(log, "EST_SECURE", 5, kTruth);                  // the scenario has four
-    write_estimate(log, "EST_OUTSIDER", 1, {1.0, 0.0, 2.0});       // holds the position, not y's velocity
+    write_estimate(log, "EST_SECURE", 0, kTruth);  // a prior is no step
+    write_estimate(log, "EST_SECURE", 5, kTruth);  // the scenario has four
+    write_estimate(log, "EST_OUTSIDER", 1,
+                   {1.0, 0.0, 2.0});  // holds the position, not y's velocity
   }
   const RunReview review = review_log(folder.file("log"));
   const EstimatorReview& secure = estimator(review, "secure");
@@ -104,7 +106,7 @@ TEST_CASE("missing, repeated, failed and non-finite steps are told apart") {
   CHECK(secure.missing_steps == 1);
   CHECK(secure.repeated_steps == 1);
   CHECK(secure.non_finite_steps == 1);
-  CHECK(secure.errors[0].rmse.value() == 0.0);   // the first word counts
+  CHECK(secure.errors[0].rmse.value() == 0.0);  // the first word counts
   CHECK(secure.outcomes.at("degenerate_weights") == 1);
   CHECK(review.troubles.at("EST_SECURE").odd_step == 1);
   CHECK(estimator(review, "neglect").missing_steps == 4);
@@ -117,17 +119,19 @@ TEST_CASE("missing, repeated, failed and non-finite steps are told apart") {
   CHECK(has_warning(review, "the truth is known in 3 of 4 steps"));
 }
 
-TEST_CASE("losses of every kind are summed and warned of, and so is a process that did not finish") {
+TEST_CASE(
+    "losses of every kind are summed and warned of, and so is a process that did not finish") {
   const ScratchFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_clean_run(log);
     write_status(log, "driver", status_t::FINISHED,
                  {{"frames", 70}, {"lcm_lost", 1}, {"bus_kernel_dropped", 2}, {"unknown", 5}});
-    write_status(log, "attacker", status_t::RUNNING, {{"injected", 3}, {"tx_write_dropped", 4}, {"lcm_refused", 6}});
+    write_status(log, "attacker", status_t::RUNNING,
+                 {{"injected", 3}, {"tx_write_dropped", 4}, {"lcm_refused", 6}});
     estimate_t late = make_estimate(1, kTruth);
     std::vector<std::uint8_t> bytes;
-    late.seq = 4 + 10;   // ten messages of this channel never reached the logger
+    late.seq = 4 + 10;  // ten messages of this channel never reached the logger
     bytes.resize(static_cast<std::size_t>(late.getEncodedSize()));
     late.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
     log.write("EST_SECURE", 0, bytes);
@@ -152,7 +156,7 @@ TEST_CASE("hostile events are counted and change nothing") {
     std::vector<std::uint8_t> bytes(static_cast<std::size_t>(hostile.getEncodedSize()));
     hostile.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
     auto huge = bytes;
-    huge[8 + 32 + 4 + 8] = 0x7f;   // num_states, behind fingerprint, four int64, outcome, one double
+    huge[8 + 32 + 4 + 8] = 0x7f;  // num_states, behind fingerprint, four int64, outcome, one double
     log.write("EST_SECURE", 0, huge);
     auto negative = bytes;
     negative[8 + 32 + 4 + 8] = 0xff;
@@ -191,7 +195,7 @@ TEST_CASE("a damaged log and a torn one are read as far as they go") {
 
   std::string damaged = bytes;
   const std::size_t second = damaged.find("PLANT_TRUTH");
-  damaged[second - 28] ^= 0x55;   // sync word of the first truth
+  damaged[second - 28] ^= 0x55;  // sync word of the first truth
   write_file(folder.file("damaged"), damaged);
   const RunReview review = review_log(folder.file("damaged"));
   CHECK(review.damaged_bytes > 0);
@@ -205,11 +209,13 @@ TEST_CASE("packets are labelled and posteriors are scored against the labels") {
   {
     LogWriter log(folder.file("log"));
     write_clean_run(log);
-    write_frames(log, "CAN_TX", {make_frame(0, 1, {1}), make_frame(1, 2, {1}), make_frame(2, 3, {9})});
+    write_frames(log, "CAN_TX",
+                 {make_frame(0, 1, {1}), make_frame(1, 2, {1}), make_frame(2, 3, {9})});
     attack_frame_t attack = make_attack(attack_frame_t::ALTERED, 1, "flip, \"all\"");
     log.write_message("ATTACK_FRAME", 0, attack);
-    write_frames(log, "CAN_RX", {make_frame(0, 1, {1}), make_frame(1, 7, {7}), make_frame(2, 2, {1}),
-                                 make_frame(3, 3, {9})});
+    write_frames(log, "CAN_RX",
+                 {make_frame(0, 1, {1}), make_frame(1, 7, {7}), make_frame(2, 2, {1}),
+                  make_frame(3, 3, {9})});
     measurement_set_t set{};
     set.step = 1;
     for (const std::int64_t rx_index : {0, 1, 2}) {
@@ -221,7 +227,8 @@ TEST_CASE("packets are labelled and posteriors are scored against the labels") {
     log.write_message("MEASUREMENT", 0, set);
     estimate_t estimate = make_estimate(1, kTruth);
     estimate.packet_rx_index = {0, 1, 2, 500, 0};
-    estimate.packet_probability = {0.9, 0.1, 0.2, 0.0, kInfinity};   // unknown and impossible ones do not count
+    estimate.packet_probability = {0.9, 0.1, 0.2, 0.0,
+                                   kInfinity};  // unknown and impossible ones do not count
     estimate.num_packets = 5;
     log.write_message("EST_SCORER", 0, estimate);
   }

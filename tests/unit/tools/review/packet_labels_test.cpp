@@ -14,10 +14,12 @@ namespace {
 using review_test::make_attack;
 using review_test::make_frame;
 
-constexpr std::int32_t kTick = 1000000;   // keys of ticks stand above those of frames
+constexpr std::int32_t kTick = 1000000;  // keys of ticks stand above those of frames
 
-// What the proxy sends in num_steps steps of one-bit frames, which repeat from step to step, and a tick.
-std::vector<std::int32_t> bit_frames(std::int32_t num_steps, std::int32_t num_sensors, std::uint32_t seed) {
+// What the proxy sends in num_steps steps of one-bit frames, which repeat from step to step, and a
+// tick.
+std::vector<std::int32_t> bit_frames(std::int32_t num_steps, std::int32_t num_sensors,
+                                     std::uint32_t seed) {
   std::vector<std::int32_t> sent;
   std::uint32_t state = seed;
   for (std::int32_t k = 1; k <= num_steps; ++k) {
@@ -31,14 +33,16 @@ std::vector<std::int32_t> bit_frames(std::int32_t num_steps, std::int32_t num_se
 }
 
 // Order is kept, no partner is taken twice, and partners are equal.
-void check_is_alignment(const std::vector<std::int32_t>& sent, const std::vector<std::int32_t>& received,
+void check_is_alignment(const std::vector<std::int32_t>& sent,
+                        const std::vector<std::int32_t>& received,
                         const std::vector<std::int64_t>& partner) {
   REQUIRE(partner.size() == received.size());
   std::int64_t last = -1;
   bool is_right = true;
   for (std::size_t j = 0; j < partner.size(); ++j) {
     if (partner[j] < 0) continue;
-    is_right = is_right && partner[j] > last && sent[static_cast<std::size_t>(partner[j])] == received[j];
+    is_right =
+        is_right && partner[j] > last && sent[static_cast<std::size_t>(partner[j])] == received[j];
     last = partner[j];
   }
   CHECK(is_right);
@@ -51,7 +55,8 @@ std::int64_t num_pairs(const std::vector<std::int64_t>& partner) {
 TEST_CASE("equal sequences pair one to one") {
   const auto sent = bit_frames(100, 16, 1);
   const auto partner = align_frames(sent, sent);
-  for (std::size_t j = 0; j < partner.size(); ++j) REQUIRE(partner[j] == static_cast<std::int64_t>(j));
+  for (std::size_t j = 0; j < partner.size(); ++j)
+    REQUIRE(partner[j] == static_cast<std::int64_t>(j));
 }
 
 TEST_CASE("a frame nobody sent stays alone and shifts no other, wherever it stands") {
@@ -84,8 +89,8 @@ TEST_CASE("a foreign frame with a genuine frame's bytes costs no genuine frame i
 }
 
 TEST_CASE("lost and foreign frames together leave every pair that is possible") {
-  // The pairs that the making of the sequence knows are a common subsequence: the longest one, which
-  // the alignment looks for, cannot be shorter.
+  // The pairs that the making of the sequence knows are a common subsequence: the longest one,
+  // which the alignment looks for, cannot be shorter.
   for (std::uint32_t trial = 0; trial < 20; ++trial) {
     const auto sent = bit_frames(60, 8, trial);
     std::vector<std::int32_t> received;
@@ -140,14 +145,16 @@ TEST_CASE("long logs are aligned in pieces, with and without unique frames") {
     }
     const auto partner = align_frames(sent, received);
     check_is_alignment(sent, received, partner);
-    // Without a single unique frame the search sees windows only, so a pair may be missed at a seam.
+    // Without a single unique frame the search sees windows only, so a pair may be missed at a
+    // seam.
     const auto allowed_misses = has_ticks ? 0 : kept / 100;
     CHECK(num_pairs(partner) >= kept - allowed_misses);
   }
 }
 
 TEST_CASE("nothing in common ends, and pairs nothing") {
-  CHECK(num_pairs(align_frames(std::vector<std::int32_t>(5000, 1), std::vector<std::int32_t>(5000, 2))) == 0);
+  CHECK(num_pairs(align_frames(std::vector<std::int32_t>(5000, 1),
+                               std::vector<std::int32_t>(5000, 2))) == 0);
   CHECK(align_frames({}, {}).empty());
 }
 
@@ -162,16 +169,18 @@ struct Bus {
   }
   void sent(std::uint8_t value) { labeler.add_sent(make_frame(tx++, 0x100, {value})); }
   void received(std::uint8_t value) { labeler.add_received(make_frame(rx++, 0x100, {value})); }
-  PacketLabel label(std::int64_t rx_index) { return labeler.labels(true, true).find(rx_index).label; }
+  PacketLabel label(std::int64_t rx_index) {
+    return labeler.labels(true, true).find(rx_index).label;
+  }
 };
 
 TEST_CASE("labels follow the proxy's truth through foreign and lost frames") {
   Bus bus;
   bus.both(1);
-  bus.received(77);   // foreign
-  bus.both(2);        // altered
-  bus.sent(3);        // lost
-  bus.both(4);        // injected, then altered by a later rule
+  bus.received(77);  // foreign
+  bus.both(2);       // altered
+  bus.sent(3);       // lost
+  bus.both(4);       // injected, then altered by a later rule
   bus.both(5);
   bus.labeler.add_attack(make_attack(attack_frame_t::ALTERED, 1, "flip_all"));
   bus.labeler.add_attack(make_attack(attack_frame_t::INJECTED, 3, "extra"));
@@ -198,7 +207,7 @@ TEST_CASE("equal bytes under another identifier or format are another frame") {
   labeler.add_received(extended);
   labeler.add_received(make_frame(1, 0x101, {1}));
   can_frame_t fast = make_frame(2, 0x100, {1});
-  fast.flags = can_frame_t::BIT_RATE_SWITCH;   // not kept by every bus
+  fast.flags = can_frame_t::BIT_RATE_SWITCH;  // not kept by every bus
   labeler.add_received(fast);
   const FrameLabels labels = labeler.labels(true, true);
   CHECK(labels.find(0).label == PacketLabel::kForeign);
@@ -215,10 +224,10 @@ TEST_CASE("what the log does not hold is not called foreign or lost") {
   SECTION("a hole in CAN_TX") {
     Bus bus;
     bus.both(1);
-    bus.tx += 2;        // two frames whose record is missing
+    bus.tx += 2;  // two frames whose record is missing
     bus.received(2);
     bus.both(4);
-    bus.received(5);    // after the hole the record is whole again
+    bus.received(5);  // after the hole the record is whole again
     CHECK(bus.label(1) == PacketLabel::kUnknown);
     CHECK(bus.label(2) == PacketLabel::kAuthentic);
     CHECK(bus.label(3) == PacketLabel::kForeign);

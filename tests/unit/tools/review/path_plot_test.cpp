@@ -40,7 +40,7 @@ PathPlot sample_plot() {
 TEST_CASE("the picture is well-formed, 720 wide, and the same each time") {
   const std::string svg = draw_path_plot(sample_plot());
   CHECK(is_well_formed(svg));
-  CHECK_FALSE(is_well_formed(svg.substr(0, svg.size() - 8)));   // the check can fail
+  CHECK_FALSE(is_well_formed(svg.substr(0, svg.size() - 8)));  // the check can fail
   CHECK(svg.find("width=\"720\"") != std::string::npos);
   CHECK(svg.find(">truth<") != std::string::npos);
   CHECK(svg.find(">start<") != std::string::npos);
@@ -61,7 +61,8 @@ TEST_CASE("text from a log cannot become markup") {
 
 TEST_CASE("paths that run away, are not finite, stand still or are long do no harm") {
   PathPlot plot = sample_plot();
-  plot.estimates.push_back({"away", {{0, 0}, {1e300, -1e300}, {std::nan(""), 0}, {INFINITY, 1}, {5, 5}}});
+  plot.estimates.push_back(
+      {"away", {{0, 0}, {1e300, -1e300}, {std::nan(""), 0}, {INFINITY, 1}, {5, 5}}});
   const std::string svg = draw_path_plot(plot);
   CHECK(is_well_formed(svg));
   CHECK(svg.find("away (leaves the picture)") != std::string::npos);
@@ -78,9 +79,9 @@ TEST_CASE("paths that run away, are not finite, stand still or are long do no ha
 TEST_CASE("printable text keeps UTF-8 and nothing that moves a cursor") {
   CHECK(printable("plain \xc2\xb5m \xe2\x82\xac") == "plain \xc2\xb5m \xe2\x82\xac");
   CHECK(printable("\x1b[31m\n") == "\\x1b[31m\\x0a");
-  CHECK(printable("\xc2\x9b") == "\\x9b");            // C1 control sequence introducer
-  CHECK(printable("\xe2\x80\xae") == "?");            // right-to-left override
-  CHECK(printable("\xc0\xaf\xed\xa0\x80\xff\xe2\x82") == "????????");   // overlong, surrogate, cut
+  CHECK(printable("\xc2\x9b") == "\\x9b");  // C1 control sequence introducer
+  CHECK(printable("\xe2\x80\xae") == "?");  // right-to-left override
+  CHECK(printable("\xc0\xaf\xed\xa0\x80\xff\xe2\x82") == "????????");  // overlong, surrogate, cut
   CHECK(printable(std::string(1000, 'a'), 10) == "aaaaaaaaaa...");
   CHECK(text_width("\xc2\xb5m") == 2);
 }

@@ -25,7 +25,8 @@ namespace holdfast::review_test {
 class ScratchFolder {
  public:
   ScratchFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "holdfast-review-XXXXXX").string();
+    std::string pattern =
+        (std::filesystem::temp_directory_path() / "holdfast-review-XXXXXX").string();
     if (mkdtemp(pattern.data()) == nullptr) throw JobError("no scratch folder");
     path_ = pattern;
   }
@@ -96,7 +97,8 @@ inline estimate_t make_estimate(std::int64_t step, const std::vector<double>& me
 }
 
 inline void write_estimate(LogWriter& log, const std::string& channel, std::int64_t step,
-                           const std::vector<double>& mean, const std::vector<double>& covariance = {}) {
+                           const std::vector<double>& mean,
+                           const std::vector<double>& covariance = {}) {
   estimate_t message = make_estimate(step, mean, covariance);
   log.write_message(channel, 0, message);
 }
@@ -113,11 +115,13 @@ inline void write_status(LogWriter& log, const std::string& name, std::int32_t s
   }
   message.num_counters = static_cast<std::int32_t>(counters.size());
   std::string channel = "STATUS_";
-  for (const char c : name) channel += static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  for (const char c : name)
+    channel += static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
   log.write_message(channel, 0, message);
 }
 
-inline can_frame_t make_frame(std::int64_t index, std::int32_t identifier, const std::vector<std::uint8_t>& data) {
+inline can_frame_t make_frame(std::int64_t index, std::int32_t identifier,
+                              const std::vector<std::uint8_t>& data) {
   can_frame_t frame{};
   frame.index = index;
   frame.identifier = identifier;
@@ -126,14 +130,16 @@ inline can_frame_t make_frame(std::int64_t index, std::int32_t identifier, const
   return frame;
 }
 
-inline void write_frames(LogWriter& log, const std::string& channel, const std::vector<can_frame_t>& frames) {
+inline void write_frames(LogWriter& log, const std::string& channel,
+                         const std::vector<can_frame_t>& frames) {
   can_frames_t message{};
   message.frames = frames;
   message.num_frames = static_cast<std::int32_t>(frames.size());
   log.write_message(channel, 0, message);
 }
 
-inline attack_frame_t make_attack(std::int32_t disposition, std::int64_t tx_index, const std::string& rule) {
+inline attack_frame_t make_attack(std::int32_t disposition, std::int64_t tx_index,
+                                  const std::string& rule) {
   attack_frame_t message{};
   message.disposition = disposition;
   message.tx_index = tx_index;

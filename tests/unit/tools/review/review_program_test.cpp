@@ -17,8 +17,9 @@ struct Outcome {
 };
 
 Outcome run_review(const ScratchFolder& folder, const std::string& arguments) {
-  const std::string command = "'" + std::string(HOLDFAST_BINARY_DIR) + "/bin/holdfast-review' " + arguments +
-                              " >" + folder.file("stdout") + " 2>" + folder.file("stderr");
+  const std::string command = "'" + std::string(HOLDFAST_BINARY_DIR) + "/bin/holdfast-review' " +
+                              arguments + " >" + folder.file("stdout") + " 2>" +
+                              folder.file("stderr");
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(folder.file("stdout")),
           read_file(folder.file("stderr"))};
@@ -50,7 +51,8 @@ TEST_CASE("holdfast-review: exit status and output") {
   CHECK(two.errors.empty());
   CHECK(two.output.find("position m") != two.output.rfind("position m"));
 
-  const Outcome json = run_review(folder, a + " --json - --out " + folder.file("report") + " --labels " + folder.file("l.csv"));
+  const Outcome json = run_review(
+      folder, a + " --json - --out " + folder.file("report") + " --labels " + folder.file("l.csv"));
   CHECK(json.status == 0);
   CHECK(nlohmann::json::parse(json.output)["estimators"][0]["rmse"]["position"]["value"] == 3.0);
   CHECK(std::filesystem::exists(folder.file("report/path.svg")));
@@ -75,9 +77,11 @@ TEST_CASE("holdfast-review: wrong use is status 2 and says what to do") {
   CHECK(none.status == 2);
   CHECK(none.errors.find("holds no RUN_META") != std::string::npos);
   for (const std::string& arguments :
-       {std::string(), std::string("--nonsense"), folder.file("absent"), "--compare " + folder.file("a"),
-        folder.file("a") + " " + folder.file("a") + " --out x", "--compare " + folder.file("a") + " " + folder.file("absent"),
-        "--compare " + folder.file("a") + " " + folder.file("a") + " --channels '('", folder.file("a") + " --channels x"}) {
+       {std::string(), std::string("--nonsense"), folder.file("absent"),
+        "--compare " + folder.file("a"), folder.file("a") + " " + folder.file("a") + " --out x",
+        "--compare " + folder.file("a") + " " + folder.file("absent"),
+        "--compare " + folder.file("a") + " " + folder.file("a") + " --channels '('",
+        folder.file("a") + " --channels x"}) {
     INFO(arguments);
     const Outcome wrong = run_review(folder, arguments);
     CHECK(wrong.status == 2);

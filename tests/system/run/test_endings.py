@@ -1,0 +1,84 @@
+"""How runs end: a killed process, Ctrl-C, wrong scenarios; the log stays readable each time."""
+import os
+import signal
+import unittest
+
+import harness
+from harness import RunTest, call, sets
+
+
+class EndingsTest(RunTest):
+    def check_kill(self, pattern, name):
+        run = self.start(*sets(steps=5000, period_s=0.02 * harness.PATIENCE))
+        run.wait_for_step(3)
+        os.kill(run.pid_of(pattern), signal.SIGKILL)
+        status, _, errors = run.finish()
+        self.assertEqual(status, 1, errors)
+        self.assertIn(name, errors)
+        self.assertIn("signal 9", errors)
+        self.assert_succeeds(call("review", run.log))
+
+    def test_killed_driver(self):
+        self.check_kill("holdfast-can-driver", "driver")
+
+    def test_killed_attacker(self):
+        self.check_kill("holdfast-attacker", "attacker")
+
+    def test_killed_plant(self):
+        self.check_kill("holdfast-plant", "plant")
+
+    def test_killed_estimator(self):
+        self.check_kill("holdfast-estimator .*--name secure", "secure")
+
+    def test_killed_logger(self):
+        self.check_kill("lcm-logger", "lcm-logger")
+
+    def test_interrupt_stops_all_in_order(self):
+        run = self.start(*sets(steps=5000, period_s=0.02 * harness.PATIENCE))
+        run.wait_for_step(3)
+        run.process.send_signal(signal.SIGINT)
+        status, output, errors = run.finish()
+        self.assertEqual(status, 130, errors)
+        self.assertIn("RMSE", output)
+        self.assertNotIn("killed", errors)
+        self.assert_succeeds(call("review", run.log))
+
+    def test_two_runs_at_once_do_not_meet(self):
+        if harness.BUS == "vcan":
+            first = self.start(*sets(steps=5000))
+            status, _, errors = call("run", harness.TRACKING, "--runs", self.folder)
+            self.assertEqual(status, 1)
+            self.assertIn("vcan0", errors)
+            first.wait_for_step(1)
+            return
+        options = sets(steps=60, period_s=0.01)
+        first, second = self.start(*options), self.start(*options)
+        self.assertNotEqual(first.lcm_url, second.lcm_url)
+        self.assertNotEqual(first.sensor_bus, second.sensor_bus)
+        for run in (first, second):
+            self.assert_succeeds(run.finish())
+        self.assert_equal_logs(first.log, second.log)
+
+    def test_wrong_scenarios(self):
+        path = self.path("wrong.yaml")
+        with open(harness.TRACKING, encoding="utf-8") as stream:
+            text = stream.read()
+        dbc = os.path.join(harness.SOURCE, "scenarios", "binary_sensors.dbc")
+        text = text.replace("dbc: binary_sensors.dbc", f"dbc: {dbc}")
+        with open(path, "w", encoding="utf-8") as stream:
+            stream.write(text.replace("dos: 0.1", "dos: 1.5").replace("seed: 1", "sead: 1"))
+        for name in ("run", "campaign"):
+            status, _, errors = call(name, path)
+            self.assertEqual(status, 2, errors)
+            self.assertRegex(errors, r"wrong\.yaml:\d+:\d+: plant\.attack\.dos: 1\.5 must be in \[0, 1\]")
+            self.assertRegex(errors, r"wrong\.yaml:\d+:\d+: sead: unknown key")
+        self.assertEqual(call("run", self.path("missing.yaml"))[0], 2)
+        self.assertEqual(call("run", harness.TRACKING, "--no-such-option")[0], 2)
+        self.assertEqual(call("review", self.path("missing.lcm"))[0], 2)
+        for name in ("run", "campaign", "review", "plant", "attacker", "can-driver", "estimator"):
+            self.assertIn("xample", self.assert_succeeds(call(name, "--help")))
+            self.assertIn("holdfast", self.assert_succeeds(call(name, "--version")))
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
