@@ -24,13 +24,24 @@ constexpr std::uint32_t kMessageBytesMax = 1U << 28;
 struct LcmLink::Subscription {
   std::string channel;
   RawHandler handler;
+  Recorder recorder;  // instead of the handler, for every channel
   LinkCounters* counters = nullptr;
 
   static void on_message(const lcm_recv_buf_t* buffer, const char* name, void* subscription) {
     static_cast<Subscription*>(subscription)->handle(*buffer, name);
   }
 
+  void record(const lcm_recv_buf_t& buffer, const char* name) {
+    try {
+      recorder(name, buffer.recv_utime,
+               {static_cast<const std::uint8_t*>(buffer.data), buffer.data_size});
+    } catch (...) {
+      ++counters->handler_errors;
+    }
+  }
+
   void handle(const lcm_recv_buf_t& buffer, const char* name) {
+    if (recorder) return record(buffer, name);
     // A regular expression's end also matches before a last line feed.
     if (name != channel) {
       ++counters->refused;
@@ -96,6 +107,17 @@ void LcmLink::subscribe_raw(const std::string& channel, RawHandler handler) {
   auto subscription = std::make_unique<Subscription>();
   subscription->channel = channel;
   subscription->handler = std::move(handler);
+  add_subscription(std::move(subscription), exact_channel_pattern(channel), options_.queue_capacity);
+}
+
+void LcmLink::record_all(Recorder recorder) {
+  auto subscription = std::make_unique<Subscription>();
+  subscription->recorder = std::move(recorder);
+  add_subscription(std::move(subscription), ".*", 0);
+}
+
+void LcmLink::add_subscription(std::unique_ptr<Subscription> subscription, const std::string& pattern,
+                               int queue_capacity) {
   subscription->counters = &counters_;
   const int port = udpm_port(url_);
   // LCM opens its receiving socket at the first subscription.
@@ -103,11 +125,10 @@ void LcmLink::subscribe_raw(const std::string& channel, RawHandler handler) {
   const std::vector<int> sockets_before = is_first ? udp_sockets_on_port(port) : std::vector<int>{};
   // By LCM's C interface: its C++ one calls through a pointer to member, of which GCC's
   // UndefinedBehaviorSanitizer says wrongly that it points to no object.
-  lcm_subscription_t* handle =
-      lcm_subscribe(lcm_->getUnderlyingLCM(), exact_channel_pattern(channel).c_str(),
-                    &Subscription::on_message, subscription.get());
-  if (handle == nullptr) throw JobError("cannot subscribe to " + channel + " at " + url_);
-  lcm_subscription_set_queue_capacity(handle, options_.queue_capacity);
+  lcm_subscription_t* handle = lcm_subscribe(lcm_->getUnderlyingLCM(), pattern.c_str(),
+                                             &Subscription::on_message, subscription.get());
+  if (handle == nullptr) throw JobError("cannot subscribe to " + pattern + " at " + url_);
+  lcm_subscription_set_queue_capacity(handle, queue_capacity);
   subscriptions_.push_back(std::move(subscription));
   if (is_first) protect_receiving(sockets_before);
 }

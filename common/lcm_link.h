@@ -49,6 +49,12 @@ class LcmLink {
   template <class Message>
   void subscribe(const std::string& channel, std::function<void(const Message&)> handler);
 
+  /// Hands on every message of every channel, unchecked, in order of arrival, for a recorder:
+  /// channel, LCM's receive stamp (us), bytes. Its queue has no bound, so that nothing is lost here.
+  using Recorder =
+      std::function<void(const std::string&, std::int64_t, std::span<const std::uint8_t>)>;
+  void record_all(Recorder recorder);
+
   /// Publishes with the channel's next seq. Returns false when the kernel refused it (counted).
   template <class Message>
   bool publish(const std::string& channel, Message& message);
@@ -72,6 +78,8 @@ class LcmLink {
   void subscribe_raw(const std::string& channel, RawHandler handler);
   bool accept(const TypeLayout& type, std::int64_t fingerprint,
               std::span<const std::uint8_t> buffer);
+  void add_subscription(std::unique_ptr<Subscription> subscription, const std::string& pattern,
+                        int queue_capacity);
   void protect_receiving(const std::vector<int>& sockets_before);
   void note_seq(const std::string& channel, std::int64_t seq);
   std::vector<std::uint8_t>& scratch(std::size_t size);

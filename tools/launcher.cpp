@@ -14,6 +14,8 @@
 #include <map>
 
 #include "common/clock.h"
+#include "common/errors.h"
+#include "common/log_file.h"
 #include "common/run_meta.h"
 #include "common/status.h"
 #include "drivers/event_loop.h"
@@ -28,6 +30,7 @@ namespace {
 constexpr double kPollPeriod_s = 0.02;
 constexpr double kReadyTimeout_s = 30.0;
 constexpr double kStopTimeout_s = 5.0;
+constexpr double kFlushPeriod_s = 0.1;
 
 std::string time_stamp() {
   const std::time_t now = static_cast<std::time_t>(wall_utime() / 1'000'000);
@@ -53,18 +56,6 @@ void replace_all(std::string& text, const std::string& what, const std::string& 
   }
 }
 
-// True when the message stands near the end of the log.
-bool log_ends_with(const std::string& file, const run_meta_t& message) {
-  std::vector<char> bytes(static_cast<std::size_t>(message.getEncodedSize()));
-  message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
-  std::ifstream stream(file, std::ios::binary | std::ios::ate);
-  const auto size = static_cast<std::streamoff>(stream.tellg());
-  const std::streamoff window = static_cast<std::streamoff>(bytes.size()) + (1 << 16);
-  stream.seekg(std::max<std::streamoff>(0, size - window));
-  const std::vector<char> tail{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-  return std::search(tail.begin(), tail.end(), bytes.begin(), bytes.end()) != tail.end();
-}
-
 // A process of the run, and how far its status messages say that it is.
 struct Member {
   ChildProcess process;
@@ -87,11 +78,11 @@ class Launcher {
     describe();
     loop_.watch(link_.file_descriptor(), [this] { link_.handle_pending(); });
     loop_.on_stop_signal([this] { is_interrupted_ = true; });
-    start_logger();
+    start_recording();
     loop_.every(1.0, [this] { publish_meta(); });
     const bool has_run = start_members() && start_plant() && follow();
     stop_members();
-    stop_logger();
+    stop_recording();
     std::cout << report() << std::flush;
     if (is_interrupted_) {
       std::cerr << "holdfast-run: stopped by a signal; the log holds what was recorded until then" << std::endl;
@@ -157,30 +148,46 @@ class Launcher {
       fail(member.process.name() + " ended before the run was over (" + member.process.ending() +
            "); its last words in " + member.process.output_file() + ":\n" + member.process.output_tail());
     }
-    if (logger_ && logger_->is_running() && logger_->poll() != ChildProcess::State::kRunning && !is_stopping_) {
-      fail("lcm-logger ended before the run was over (" + logger_->ending() + "):\n" + logger_->output_tail());
-    }
   }
 
-  void start_logger() {
-    const std::string log = folder_ + "/log.lcm";
-    logger_.emplace("logger",
-                    std::vector<std::string>{"lcm-logger", "--lcm-url=" + link_.url(), "--flush-interval=100",
-                                             "-q", "-v", "-c", "LCM_SELF_TEST", log},
-                    folder_ + "/logger.txt");
-    // RUN_META is the first event: nobody else speaks before it stands in the file.
-    std::int64_t next_ns = 0;
-    wait_until(
-        [&] {
-          if (monotonic_time_ns() > next_ns) {
-            publish_meta();
-            next_ns = monotonic_time_ns() + 50'000'000;
-          }
-          std::error_code error;
-          const auto size = std::filesystem::file_size(log, error);
-          return !error && size > 0;
-        },
-        kReadyTimeout_s, "lcm-logger wrote nothing to " + log + "; see " + folder_ + "/logger.txt");
+  // Our own recorder, not lcm-logger: that one keeps LCM's queue of 30 messages per channel and loses
+  // what comes faster, without a word. RUN_META is the first event because it is written here.
+  void start_recording() {
+    log_ = folder_ + "/log.lcm";
+    recorder_.emplace(log_);
+    run_meta_t first = meta();
+    recorder_->write_message("RUN_META", wall_utime(), first);
+    recorder_->flush();
+    link_.record_all([this](const std::string& channel, std::int64_t utime, std::span<const std::uint8_t> bytes) {
+      // LCM's tools refuse events without data.
+      if (channel == "LCM_SELF_TEST" || bytes.empty()) return;
+      try {
+        recorder_->write(channel, utime, {bytes.begin(), bytes.end()});
+      } catch (const JobError& error) {
+        fail(error.what());
+      }
+      has_last_word_ = has_last_word_ || (channel == "RUN_META" && is_last_word(bytes));
+    });
+    loop_.every(kFlushPeriod_s, [this] { recorder_->flush(); });
+  }
+
+  bool is_last_word(std::span<const std::uint8_t> bytes) const {
+    run_meta_t message;
+    return decode_guarded(bytes, message) && message.utime == last_word_utime_;
+  }
+
+  // Datagrams reach the recorder in order, so all that came before is written when our last word is.
+  void stop_recording() {
+    run_meta_t last = meta();
+    last_word_utime_ = last.utime;
+    link_.publish("RUN_META", last);
+    spin_until([this] { return has_last_word_; }, kStopTimeout_s);
+    recorder_->flush();
+    const LinkCounters& counters = link_.counters();
+    if (counters.kernel_drops > 0) {
+      std::cerr << "holdfast-run: the kernel dropped " << counters.kernel_drops
+                << " datagrams before they could be recorded" << std::endl;
+    }
   }
 
   std::vector<std::string> command(const std::string& program, std::vector<std::string> arguments) const {
@@ -322,21 +329,9 @@ class Launcher {
     while (!condition() && monotonic_time_ns() < deadline_ns) loop_.run_for(kPollPeriod_s);
   }
 
-  void stop_logger() {
-    if (!logger_ || !logger_->is_running()) return;
-    // Datagrams reach the logger in order, so all that came before stands in the file when our last
-    // word does.
-    run_meta_t last = meta();
-    link_.publish("RUN_META", last);
-    spin_until([&] { return log_ends_with(folder_ + "/log.lcm", last); }, kStopTimeout_s);
-    logger_->send(SIGINT);
-    spin_until([this] { return logger_->poll() != ChildProcess::State::kRunning; }, kStopTimeout_s);
-  }
-
   std::string report() {
-    const std::string log = folder_ + "/log.lcm";
     try {
-      return "\n" + write_review_report(log, folder_) + "\nlog        " + log + "\nreport     " + folder_ +
+      return "\n" + write_review_report(log_, folder_) + "\nlog        " + log_ + "\nreport     " + folder_ +
              "/review.txt, review.json\npath       " + folder_ + "/path.svg\n";
     } catch (const std::exception& error) {
       fail(std::string("the log cannot be reviewed: ") + error.what());
@@ -349,8 +344,10 @@ class Launcher {
   RunNetwork network_;
   LcmLink link_;
   EventLoop loop_;
-  std::string folder_, failure_;
-  std::optional<ChildProcess> logger_;
+  std::string folder_, log_, failure_;
+  std::optional<LogWriter> recorder_;
+  std::int64_t last_word_utime_ = -1;
+  bool has_last_word_ = false;
   std::vector<Member> members_;
   std::map<std::string, int> state_;
   bool is_interrupted_ = false, is_stopping_ = false;

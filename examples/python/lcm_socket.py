@@ -34,6 +34,10 @@ class LcmSocket:
         self.sequence = 0
         self.pieces = {}
 
+    def close(self):
+        self.receiver.close()
+        self.sender.close()
+
     def publish(self, channel, payload):
         """Sends bytes of at most SHORT_BYTES_MAX on a channel."""
         datagram = struct.pack(">II", SHORT_MAGIC, self.sequence) + channel.encode() + b"\0" + payload

@@ -134,6 +134,9 @@ class RunTest(unittest.TestCase):
             if run.process.poll() is None:
                 run.process.send_signal(signal.SIGTERM)
                 run.process.communicate(timeout=30 * PATIENCE)
+            run.process.stdout.close()
+            run.process.stderr.close()
+            run.link.close()
         self.addCleanup(end)
         self.assertIn("socketcan:vcan" if BUS == "vcan" else "udp:", run.sensor_bus)
         return run

@@ -1,10 +1,19 @@
 """How runs end: a killed process, Ctrl-C, wrong scenarios; the log stays readable each time."""
 import os
 import signal
+import time
 import unittest
 
 import harness
 from harness import RunTest, call, sets
+
+
+def is_running(pid):
+    try:
+        with open(f"/proc/{pid}/stat", encoding="utf-8") as stream:
+            return stream.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 class EndingsTest(RunTest):
@@ -30,8 +39,16 @@ class EndingsTest(RunTest):
     def test_killed_estimator(self):
         self.check_kill("holdfast-estimator .*--name secure", "secure")
 
-    def test_killed_logger(self):
-        self.check_kill("lcm-logger", "lcm-logger")
+    def test_killed_launcher_takes_its_processes_along_and_leaves_a_log(self):
+        run = self.start(*sets(steps=5000, period_s=0.02 * harness.PATIENCE))
+        run.wait_for_step(3)
+        pids = [run.pid_of(p) for p in ("holdfast-plant", "holdfast-attacker", "holdfast-can-driver")]
+        run.process.kill()
+        run.process.communicate(timeout=30 * harness.PATIENCE)
+        deadline = time.monotonic() + 20 * harness.PATIENCE
+        while any(is_running(pid) for pid in pids):
+            self.assertLess(time.monotonic(), deadline, "processes outlive their launcher")
+        self.assert_succeeds(call("review", run.log))
 
     def test_interrupt_stops_all_in_order(self):
         run = self.start(*sets(steps=5000, period_s=0.02 * harness.PATIENCE))

@@ -1,6 +1,7 @@
 """One seed, one result: live, replay by file and by lcm-logplayer, and campaign publish the same estimates."""
 import os
 import subprocess
+import time
 import unittest
 
 import harness
@@ -43,9 +44,10 @@ class EqualTest(RunTest):
                        check=True, timeout=60 * harness.PATIENCE, stdout=subprocess.DEVNULL)
         for child in children[1:]:
             self.assertEqual(child.wait(timeout=30 * harness.PATIENCE), 0)
-        done = sum(channel.startswith("EST_") for channel, _ in harness.read_log(self.path("played.lcm")))
-        while done < 80:   # the logger writes every 100 ms
-            done = sum(channel.startswith("EST_") for channel, _ in harness.read_log(self.path("played.lcm")))
+        # The logger writes every 100 ms.
+        deadline = time.monotonic() + 10 * harness.PATIENCE
+        while sum(channel.startswith("EST_") for channel, _ in harness.read_log(self.path("played.lcm"))) < 80:
+            self.assertLess(time.monotonic(), deadline, "lcm-logger did not record every estimate")
         children[0].terminate()
         children[0].wait(timeout=30)
 
