@@ -32,6 +32,7 @@ struct LcmLink::Subscription {
   }
 
   void record(const lcm_recv_buf_t& buffer, const char* name) {
+    if (buffer.data_size > kMessageBytesMax) return;
     try {
       recorder(name, buffer.recv_utime,
                {static_cast<const std::uint8_t*>(buffer.data), buffer.data_size});
@@ -107,7 +108,8 @@ void LcmLink::subscribe_raw(const std::string& channel, RawHandler handler) {
   auto subscription = std::make_unique<Subscription>();
   subscription->channel = channel;
   subscription->handler = std::move(handler);
-  add_subscription(std::move(subscription), exact_channel_pattern(channel), options_.queue_capacity);
+  add_subscription(std::move(subscription), exact_channel_pattern(channel),
+                   options_.queue_capacity);
 }
 
 void LcmLink::record_all(Recorder recorder) {
@@ -116,8 +118,8 @@ void LcmLink::record_all(Recorder recorder) {
   add_subscription(std::move(subscription), ".*", 0);
 }
 
-void LcmLink::add_subscription(std::unique_ptr<Subscription> subscription, const std::string& pattern,
-                               int queue_capacity) {
+void LcmLink::add_subscription(std::unique_ptr<Subscription> subscription,
+                               const std::string& pattern, int queue_capacity) {
   subscription->counters = &counters_;
   const int port = udpm_port(url_);
   // LCM opens its receiving socket at the first subscription.

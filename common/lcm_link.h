@@ -50,7 +50,8 @@ class LcmLink {
   void subscribe(const std::string& channel, std::function<void(const Message&)> handler);
 
   /// Hands on every message of every channel, unchecked, in order of arrival, for a recorder:
-  /// channel, LCM's receive stamp (us), bytes. Its queue has no bound, so that nothing is lost here.
+  /// channel, LCM's receive stamp (us), bytes. Its queue has no bound, so that nothing is lost
+  /// here.
   using Recorder =
       std::function<void(const std::string&, std::int64_t, std::span<const std::uint8_t>)>;
   void record_all(Recorder recorder);

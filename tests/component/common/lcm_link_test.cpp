@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <functional>
+#include <map>
 #include <stdexcept>
 
 #include "common/clock.h"
@@ -287,6 +288,26 @@ TEST_CASE("a flood does not keep the caller inside, and nothing of it is forgott
   CHECK(num_received < kFlood);
   for (int calls = 0; calls < 10 && num_received < kFlood; ++calls) link.handle_pending();
   CHECK(num_received == kFlood);
+}
+
+TEST_CASE("a recorder gets every channel's bytes as they were sent, beside a subscriber") {
+  Ends ends(20112);
+  std::map<std::string, std::vector<std::uint8_t>> recorded;
+  int num_received = 0;
+  ends.receiver.record_all(
+      [&](const std::string& channel, std::int64_t utime, std::span<const std::uint8_t> bytes) {
+        CHECK(utime > 0);
+        recorded[channel].assign(bytes.begin(), bytes.end());
+      });
+  ends.receiver.subscribe<known_input_t>("INPUT", [&](const known_input_t&) { ++num_received; });
+  known_input_t message = message_of(4.0);
+  ends.sender.publish("INPUT", message);
+  const auto hostile = hostile_length(-1);
+  ends.sender.publish_bytes("FOREIGN|x", hostile.data(), hostile.size());
+  REQUIRE(ends.wait_until([&] { return recorded.contains("FOREIGN|x"); }));
+  CHECK(recorded["INPUT"] == testing::encoded(message));
+  CHECK(recorded["FOREIGN|x"] == hostile);
+  CHECK(num_received == 1);
 }
 
 TEST_CASE("over memq a handler may publish and subscribe") {

@@ -1,0 +1,102 @@
+#include "tools/experiment.h"
+
+#include "tests/support/catch.h"
+#include "tools/simulation.h"
+
+namespace holdfast {
+namespace {
+
+std::string scenario(const std::string& name) {
+  return std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/" + name + ".yaml";
+}
+
+std::string problems_of(const std::vector<std::string>& overrides) {
+  try {
+    load_experiment(scenario("binary_tracking"), overrides);
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+bool mentions(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+}  // namespace
+
+TEST_CASE("a resolved scenario stands for itself") {
+  for (const char* name : {"binary_tracking", "binary_radio"}) {
+    const Experiment read = load_experiment(scenario(name));
+    // Its DBC text is inside, so no folder is needed, and reading it again changes nothing.
+    const Experiment again = experiment_from_text(read.resolved, "resolved");
+    CHECK(again.resolved == read.resolved);
+    Simulation a(read, 0), b(again, 0);
+    for (int k = 0; k < 10; ++k) {
+      REQUIRE(a.advance());
+      REQUIRE(b.advance());
+      CHECK(a.estimates()[0]->mean == b.estimates()[0]->mean);
+    }
+  }
+}
+
+TEST_CASE("the word same ties a believed probability to the true one") {
+  const Experiment moved = load_experiment(
+      scenario("binary_tracking"), {"attacks.flip.probability=0.3", "plant.attack.dos=0.25"});
+  const EstimatorEntry& secure = moved.estimator("secure");
+  CHECK(secure.assumes.flip == std::vector<double>(16, 0.3));
+  CHECK(secure.assumes.dos == std::vector<double>(16, 0.25));
+  CHECK(secure.assumes.deception == std::vector<double>(16, 0.1));
+  CHECK(moved.estimator("neglect").assumes.flip == std::vector<double>(16, 0.0));
+
+  const Experiment apart = load_experiment(
+      scenario("binary_tracking"), {"attacks.flip.probability=0.3", "estimators.secure.assumes.flip=0.1"});
+  CHECK(apart.estimator("secure").assumes.flip == std::vector<double>(16, 0.1));
+}
+
+TEST_CASE("two flips of one sensor cancel each other") {
+  const Experiment experiment = load_experiment(
+      scenario("binary_tracking"),
+      {"attacks=[{name: a, match: {messages: [Sensor03]}, probability: 0.2, action: flip, signal: DETECT},"
+       " {name: b, match: {messages: [Sensor03]}, probability: 0.5, action: flip, signal: DETECT}]"});
+  CHECK(experiment.estimator("secure").assumes.flip[2] == Approx(0.2 * 0.5 + 0.8 * 0.5));
+  CHECK(experiment.estimator("secure").assumes.flip[3] == 0.0);
+}
+
+TEST_CASE("probabilities may differ between sensors") {
+  const std::string list = "[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]";
+  const Experiment experiment = load_experiment(scenario("binary_tracking"), {"plant.attack.dos=" + list});
+  CHECK(experiment.plant.attack.dos[0] == 1.0);
+  CHECK(experiment.plant.attack.dos[1] == 0.0);
+  CHECK(mentions(problems_of({"plant.attack.dos=[0.1, 0.2]"}), "2 numbers, must be 16"));
+}
+
+TEST_CASE("an estimator may believe another model than the plant's") {
+  const Experiment experiment =
+      load_experiment(scenario("binary_tracking"), {"estimators.secure.model={threshold: 0.5}"});
+  CHECK(experiment.estimator("secure").model.threshold == 0.5);
+  CHECK(experiment.estimator("secure").model.source_power == 4000.0);
+  CHECK(experiment.model.threshold == 0.3);
+}
+
+TEST_CASE("every problem of a scenario is told at once, with its place") {
+  const std::string text =
+      problems_of({"plant.attack.dos=1.5", "plant.model.glint.variance_1=-1", "sead=3", "steps=many",
+                   "network.messages=[Sensor01, Nobody]", "estimators.secure.particles=0", "attacks.flip.action=melt"});
+  for (const char* part : {"plant.attack.dos: 1.5 must be in [0, 1]", "plant.model.glint.variance_1",
+                           "sead: unknown key", "steps: 'many' is no whole number", "Nobody", "particles", "melt"}) {
+    INFO(part << " in\n" << text);
+    CHECK(mentions(text, part));
+  }
+  CHECK(mentions(problems_of({"estimators.neglect.name=secure"}), "is taken"));
+  CHECK(mentions(problems_of({"network.sensor_bus=none"}), "both buses"));
+  CHECK(mentions(problems_of({"network.sensor_bus='socketcan:vcan0'", "network.monitor_bus='socketcan:vcan0'"}),
+                 "circles"));
+  CHECK(mentions(problems_of({"holdfast=2"}), "holdfast: 2 must be in [1, 1]"));
+}
+
+TEST_CASE("an unknown estimator is told with those that there are") {
+  const Experiment experiment = load_experiment(scenario("binary_tracking"));
+  CHECK_THROWS_WITH(experiment.estimator("secur"),
+                    "no estimator 'secur' in scenario binary_tracking; it has: secure, neglect, uncorrupted");
+}
+
+}  // namespace holdfast
