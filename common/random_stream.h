@@ -15,7 +15,7 @@ class RandomStream {
  public:
   RandomStream(std::uint64_t seed, std::uint32_t run, std::string_view name);
 
-  /// Uniform on the open interval (0, 1), 53 bits.
+  /// Uniform on the open interval (0, 1), 52 bits.
   double uniform(std::uint32_t step, std::uint64_t draw) const;
 
   /// Standard normal by Box-Muller; draws 2 i and 2 i + 1 are the cosine and the sine of one pair.

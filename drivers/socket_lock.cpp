@@ -17,7 +17,8 @@ bool SocketLock::try_lock(const std::string& name, int& descriptor) {
   address.sun_family = AF_UNIX;
   // A name longer than the address has room for is told by its hash; the first byte stays zero.
   std::string key = name;
-  if (key.size() > sizeof address.sun_path - 2) key = "holdfast " + std::to_string(stable_hash(name));
+  if (key.size() > sizeof address.sun_path - 2)
+    key = "holdfast " + std::to_string(stable_hash(name));
   std::copy(key.begin(), key.end(), address.sun_path + 1);
   descriptor = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   if (descriptor < 0) return false;

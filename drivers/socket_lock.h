@@ -13,7 +13,9 @@ class SocketLock {
   ~SocketLock();
   SocketLock(const SocketLock&) = delete;
   SocketLock& operator=(const SocketLock&) = delete;
-  SocketLock(SocketLock&& other) noexcept : descriptor_(other.descriptor_) { other.descriptor_ = -1; }
+  SocketLock(SocketLock&& other) noexcept : descriptor_(other.descriptor_) {
+    other.descriptor_ = -1;
+  }
 
   /// True and holding, or false; for trying one name after the other.
   static bool try_lock(const std::string& name, int& descriptor);

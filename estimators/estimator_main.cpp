@@ -1,16 +1,5 @@
-#include <holdfast/estimate_t.hpp>
-#include <holdfast/measurement_set_t.hpp>
-#include <holdfast/run_meta_t.hpp>
-#include <holdfast/timing_t.hpp>
-#include <iostream>
-
-#include "common/clock.h"
-#include "common/measurement_messages.h"
-#include "common/run_meta.h"
-#include "common/status.h"
 #include "drivers/event_loop.h"
-#include "estimators/estimate_messages.h"
-#include "estimators/estimator_session.h"
+#include "tools/estimator_process.h"
 #include "tools/log_replay.h"
 #include "tools/program_options.h"
 
@@ -32,56 +21,22 @@ int run_live(const EstimatorOptions& options) {
     throw UsageError("estimator '" + entry.name +
                      "' sees clean readings: it runs in a campaign only");
   }
-  const std::unique_ptr<Estimator> estimator = experiment.make_estimator(entry, 0);
-  EstimatorSession session(*estimator, experiment.num_steps, experiment.model.step_s);
   LcmLink link(options.lcm_url);
-  StatusReporter status(link, entry.name);
-  const std::string estimate_channel = channel_name("EST_", entry.name);
-  const std::string timing_channel = channel_name("TIMING_", entry.name);
-
   EventLoop loop;
+  EstimatorProcess process(experiment, entry, link);
   bool is_stopped = false;
-  MeasurementSet set;
-  estimate_t message;
-  timing_t timing;
-  std::int64_t started_ns = 0;
-  const auto on_estimate = [&](const Estimate& estimate) {
-    timing.compute_time_ns = monotonic_time_ns() - started_ns;
-    to_message(estimate, message);
-    link.publish(estimate_channel, message);
-    timing.utime = estimate.utime;
-    timing.step = estimate.step;
-    // The newest packet's kernel stamp is when the set's last reading stood on the bus.
-    const bool is_stamped = !set.packets.empty() && set.packets.back().receive_utime > 0;
-    timing.latency_ns = is_stamped ? (wall_utime() - set.packets.back().receive_utime) * 1000 : -1;
-    link.publish(timing_channel, timing);
-    if (estimate.outcome != StepOutcome::kOk) ++status.counter("steps_not_ok");
-    started_ns = monotonic_time_ns();
-  };
-  const auto publish_status = [&] {
-    status.set_step(session.step());
-    status.counter("missing_steps") = session.counters().missing_steps;
-    status.counter("old_sets") = session.counters().old_sets;
-    status.counter("beyond_end") = session.counters().beyond_end;
-    status.publish();
-  };
-  link.subscribe<measurement_set_t>("MEASUREMENT", [&](const measurement_set_t& received) {
-    from_message(received, set);
-    started_ns = monotonic_time_ns();
-    session.on_set(set, on_estimate);
-    if (session.is_finished()) loop.stop();
-  });
+  process.on_finished([&] { loop.stop(); });
   loop.watch(link.file_descriptor(), [&] { link.handle_pending(); });
-  loop.every(0.25, publish_status);
+  loop.every(0.25, [&] { process.publish_status(); });
   loop.on_stop_signal([&] {
     is_stopped = true;
     loop.stop();
   });
-  status.set_state(ProcessState::kReady);
-  publish_status();
+  process.set_state(ProcessState::kReady);
+  process.publish_status();
   loop.run();
-  status.set_state(is_stopped ? ProcessState::kFailed : ProcessState::kFinished);
-  publish_status();
+  process.set_state(is_stopped ? ProcessState::kFailed : ProcessState::kFinished);
+  process.publish_status();
   return is_stopped ? 1 : 0;
 }
 

@@ -18,13 +18,15 @@ BinaryReading read_binary_sensor(double energy, double threshold, double dos, do
   reading.clean_bit = reading.sensed > threshold;
   reading.is_dos = draws.dos_uniform < dos;
   reading.is_deception = !reading.is_dos && draws.deception_uniform < deception;
-  reading.attacked = reading.is_dos ? 0.0 : (reading.is_deception ? draws.deception_value : reading.sensed);
+  reading.attacked =
+      reading.is_dos ? 0.0 : (reading.is_deception ? draws.deception_value : reading.sensed);
   reading.bit = reading.attacked > threshold;
   return reading;
 }
 
-BinaryTargetPlant::BinaryTargetPlant(const BinaryTargetModel& model, const BinaryTargetPlantOptions& options,
-                                     std::uint64_t seed, std::uint32_t run)
+BinaryTargetPlant::BinaryTargetPlant(const BinaryTargetModel& model,
+                                     const BinaryTargetPlantOptions& options, std::uint64_t seed,
+                                     std::uint32_t run)
     : model_(model),
       options_(options),
       process_noise_(seed, run, "plant/process_noise"),
@@ -44,15 +46,17 @@ BinarySensorDraws BinaryTargetPlant::draw(std::size_t sensor, std::uint32_t step
   BinarySensorDraws draws;
   const auto& glint = model_.glint;
   const bool is_tail = sensor_noise_.uniform(step, 4 * sensor) < glint.tail_probability;
-  // Normal draw 4 s + 2 uses the words of uniforms 4 s + 2 and 4 s + 3 only, so the two never share.
+  // Normal draw 4 s + 2 uses the words of uniforms 4 s + 2 and 4 s + 3 only, so the two never
+  // share.
   const double normal = sensor_noise_.normal(step, 4 * sensor + 2);
   draws.noise = is_tail ? glint.mean_2 + std::sqrt(glint.variance_2) * normal
                         : glint.mean_1 + std::sqrt(glint.variance_1) * normal;
   draws.dos_uniform = sensor_attack_.uniform(step, 4 * sensor);
   draws.deception_uniform = sensor_attack_.uniform(step, 4 * sensor + 1);
   const double position = sensor_attack_.uniform(step, 4 * sensor + 2);
-  draws.deception_value = options_.attack.deception_low +
-                          (options_.attack.deception_high - options_.attack.deception_low) * position;
+  draws.deception_value =
+      options_.attack.deception_low +
+      (options_.attack.deception_high - options_.attack.deception_low) * position;
   return draws;
 }
 
@@ -61,14 +65,16 @@ const PlantStep& BinaryTargetPlant::advance() {
   const auto step = static_cast<std::uint32_t>(step_.step);
   Eigen::Vector4d normals = Eigen::Vector4d::Zero();
   if (options_.trajectory == BinaryTargetPlantOptions::Trajectory::kRandom) {
-    for (int i = 0; i < 4; ++i) normals[i] = process_noise_.normal(step, static_cast<std::uint64_t>(i));
+    for (int i = 0; i < 4; ++i)
+      normals[i] = process_noise_.normal(step, static_cast<std::uint64_t>(i));
   }
   state_ = model_.propagate(state_, normals);
   step_.state = state_;
   for (std::size_t s = 0; s < model_.num_sensors(); ++s) {
     const BinarySensorDraws draws = draw(s, step);
-    const BinaryReading reading = read_binary_sensor(model_.energy(state_, s), model_.threshold,
-                                                     options_.attack.dos[s], options_.attack.deception[s], draws);
+    const BinaryReading reading =
+        read_binary_sensor(model_.energy(state_, s), model_.threshold, options_.attack.dos[s],
+                           options_.attack.deception[s], draws);
     step_.readings[s][0] = reading.bit ? 1.0 : 0.0;
     step_.clean_readings[s][0] = reading.clean_bit ? 1.0 : 0.0;
     step_.attack_signals[0].value[s] = reading.is_dos ? 1.0 : 0.0;

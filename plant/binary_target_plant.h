@@ -12,23 +12,23 @@ struct BinaryTargetPlantOptions {
 
   Trajectory trajectory = Trajectory::kRandom;
   std::vector<double> start_state = {15.0, 0.4, 20.0, 0.3};  // [m, m/s, m, m/s]
-  BinaryTargetModel::Attack attack;   // what really happens at the sensors; flips belong to the bus
+  BinaryTargetModel::Attack attack;  // what really happens at the sensors; flips belong to the bus
 
   void read(ConfigurationMap map, std::size_t num_sensors);
 };
 
 /// Draws behind one reading of one sensor.
 struct BinarySensorDraws {
-  double noise = 0.0;             // nu, glint noise
-  double dos_uniform = 1.0;       // DoS when below phi
-  double deception_uniform = 1.0; // deception when below varphi
-  double deception_value = 0.0;   // mu
+  double noise = 0.0;              // nu, glint noise
+  double dos_uniform = 1.0;        // DoS when below phi
+  double deception_uniform = 1.0;  // deception when below varphi
+  double deception_value = 0.0;    // mu
 };
 
 /// One binary reading, paper 002 eqs. (2)-(5): attack at the sensor, then the strict threshold.
 struct BinaryReading {
-  double sensed = 0.0;     // h + nu
-  double attacked = 0.0;   // 0 under DoS, mu under deception, else sensed
+  double sensed = 0.0;    // h + nu
+  double attacked = 0.0;  // 0 under DoS, mu under deception, else sensed
   bool is_dos = false, is_deception = false;
   bool clean_bit = false, bit = false;
 };

@@ -17,8 +17,8 @@ struct AttackSignal {
 struct PlantStep {
   std::int64_t step = 0;
   int mode = 0;
-  Eigen::VectorXd state;                        // [n]
-  std::vector<std::vector<double>> readings;    // readings[source]: values that go on the bus
+  Eigen::VectorXd state;                            // [n]
+  std::vector<std::vector<double>> readings;        // readings[source]: values that go on the bus
   std::vector<std::vector<double>> clean_readings;  // the same without any attack at the sensor
   std::vector<AttackSignal> attack_signals;
 };

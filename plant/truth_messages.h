@@ -11,6 +11,7 @@ class attack_signal_t;
 
 /// Fills the message but for seq; utime is the time of validity of the step in microseconds.
 void to_message(const PlantStep& step, std::int64_t utime, truth_t& message);
-void to_message(const AttackSignal& signal, std::int64_t step, std::int64_t utime, attack_signal_t& message);
+void to_message(const AttackSignal& signal, std::int64_t step, std::int64_t utime,
+                attack_signal_t& message);
 
 }  // namespace holdfast

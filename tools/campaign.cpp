@@ -41,7 +41,8 @@ struct SquaredErrors {
   }
 };
 
-double squared_error(const Eigen::VectorXd& estimate, const Eigen::VectorXd& truth, const StateGroup& group) {
+double squared_error(const Eigen::VectorXd& estimate, const Eigen::VectorXd& truth,
+                     const StateGroup& group) {
   double sum = 0.0;
   for (const int state : group.states) {
     const double error = estimate[state] - truth[state];
@@ -50,14 +51,16 @@ double squared_error(const Eigen::VectorXd& estimate, const Eigen::VectorXd& tru
   return sum;
 }
 
-std::int64_t simulate(const Experiment& experiment, std::uint32_t run, std::size_t row, SquaredErrors& errors) {
+std::int64_t simulate(const Experiment& experiment, std::uint32_t run, std::size_t row,
+                      SquaredErrors& errors) {
   Simulation simulation(experiment, run);
   const std::size_t num_groups = experiment.state_groups.size();
   std::int64_t not_ok = 0;
   for (std::size_t step = 0; simulation.advance(); ++step) {
     for (std::size_t i = 0; i < simulation.estimates().size(); ++i) {
       const Estimate& estimate = *simulation.estimates()[i];
-      const bool is_ok = estimate.outcome == StepOutcome::kOk || estimate.outcome == StepOutcome::kNoPackets;
+      const bool is_ok =
+          estimate.outcome == StepOutcome::kOk || estimate.outcome == StepOutcome::kNoPackets;
       not_ok += is_ok ? 0 : 1;
       for (std::size_t g = 0; g < num_groups; ++g) {
         errors.at(row, i * num_groups + g)[step] =
@@ -75,19 +78,23 @@ double median(std::vector<double> values) {
 }
 
 // Bootstrap over runs: a resample draws as many runs, with replacement, as there are.
-double bootstrap_error(const SquaredErrors& errors, std::size_t column, std::size_t num_runs, std::int64_t seed) {
+double bootstrap_error(const SquaredErrors& errors, std::size_t column, std::size_t num_runs,
+                       std::int64_t seed) {
   const RandomStream draws(static_cast<std::uint64_t>(seed), 0, "campaign/bootstrap");
   double sum = 0.0, sum_squared = 0.0;
   std::vector<double> mean_squared(errors.num_steps);
   for (int resample = 0; resample < kBootstrapResamples; ++resample) {
     std::fill(mean_squared.begin(), mean_squared.end(), 0.0);
     for (std::size_t i = 0; i < num_runs; ++i) {
-      const double position = draws.uniform(static_cast<std::uint32_t>(resample), i) * static_cast<double>(num_runs);
-      const double* run = errors.at(std::min(static_cast<std::size_t>(position), num_runs - 1), column);
+      const double position =
+          draws.uniform(static_cast<std::uint32_t>(resample), i) * static_cast<double>(num_runs);
+      const double* run =
+          errors.at(std::min(static_cast<std::size_t>(position), num_runs - 1), column);
       for (std::size_t k = 0; k < errors.num_steps; ++k) mean_squared[k] += run[k];
     }
     double mean = 0.0;
-    for (const double value : mean_squared) mean += std::sqrt(value / static_cast<double>(num_runs));
+    for (const double value : mean_squared)
+      mean += std::sqrt(value / static_cast<double>(num_runs));
     mean /= static_cast<double>(errors.num_steps);
     sum += mean;
     sum_squared += mean * mean;
@@ -96,7 +103,8 @@ double bootstrap_error(const SquaredErrors& errors, std::size_t column, std::siz
   return std::sqrt(std::max(0.0, sum_squared / kBootstrapResamples - mean * mean));
 }
 
-CampaignError summarise(const SquaredErrors& errors, std::size_t column, std::size_t num_runs, std::int64_t seed) {
+CampaignError summarise(const SquaredErrors& errors, std::size_t column, std::size_t num_runs,
+                        std::int64_t seed) {
   CampaignError summary;
   std::vector<double> per_run(num_runs);
   summary.rmse_over_runs.assign(errors.num_steps, 0.0);
@@ -109,7 +117,8 @@ CampaignError summarise(const SquaredErrors& errors, std::size_t column, std::si
     }
     per_run[run] = std::sqrt(sum / static_cast<double>(errors.num_steps));
   }
-  for (double& value : summary.rmse_over_runs) value = std::sqrt(value / static_cast<double>(num_runs));
+  for (double& value : summary.rmse_over_runs)
+    value = std::sqrt(value / static_cast<double>(num_runs));
   summary.rmse_step_mean = mean_of_first(summary.rmse_over_runs, errors.num_steps);
   summary.standard_error = bootstrap_error(errors, column, num_runs, seed);
   summary.rmse_per_run_median = median(per_run);
@@ -117,7 +126,8 @@ CampaignError summarise(const SquaredErrors& errors, std::size_t column, std::si
 }
 
 // Hands runs to threads one by one; the first exception stops all and is thrown on.
-void for_each_run(const CampaignOptions& options, int num_threads, const std::function<void(std::int64_t)>& body) {
+void for_each_run(const CampaignOptions& options, int num_threads,
+                  const std::function<void(std::int64_t)>& body) {
   std::atomic<std::int64_t> next{0}, done{0};
   std::mutex mutex;
   std::exception_ptr failure;
@@ -152,22 +162,26 @@ double mean_of_first(const std::vector<double>& curve, std::size_t num_steps) {
 }
 
 CampaignResult run_campaign(const Experiment& experiment, const CampaignOptions& options) {
-  CampaignResult result{experiment.name, experiment.seed, options.num_runs, experiment.num_steps, {}, 0, 0.0, 0};
-  result.num_threads = options.num_threads > 0 ? options.num_threads
-                                               : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  CampaignResult result{
+      experiment.name, experiment.seed, options.num_runs, experiment.num_steps, {}, 0, 0.0, 0};
+  result.num_threads = options.num_threads > 0
+                           ? options.num_threads
+                           : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   std::vector<std::pair<std::string, StateGroup>> columns;
   for (const EstimatorEntry& entry : experiment.estimators) {
     if (entry.is_outside()) continue;
     for (const StateGroup& group : experiment.state_groups) columns.emplace_back(entry.name, group);
   }
-  if (columns.empty()) throw UsageError("scenario " + experiment.name + " has no estimator that a campaign could run");
+  if (columns.empty())
+    throw UsageError("scenario " + experiment.name + " has no estimator that a campaign could run");
   const auto num_runs = static_cast<std::size_t>(options.num_runs);
   SquaredErrors errors{static_cast<std::size_t>(experiment.num_steps), columns.size(), {}};
   errors.values.resize(errors.num_steps * errors.num_columns * num_runs);
   std::atomic<std::int64_t> not_ok{0};
   const std::int64_t started_ns = monotonic_time_ns();
   for_each_run(options, result.num_threads, [&](std::int64_t i) {
-    not_ok += simulate(experiment, static_cast<std::uint32_t>(options.first_run + i), static_cast<std::size_t>(i), errors);
+    not_ok += simulate(experiment, static_cast<std::uint32_t>(options.first_run + i),
+                       static_cast<std::size_t>(i), errors);
   });
   result.seconds = static_cast<double>(monotonic_time_ns() - started_ns) * 1e-9;
   result.steps_not_ok = not_ok;
@@ -183,18 +197,23 @@ CampaignResult run_campaign(const Experiment& experiment, const CampaignOptions&
 
 std::string to_text(const CampaignResult& result) {
   std::ostringstream text;
-  text << "campaign " << result.scenario << ": " << result.num_runs << " runs of " << result.num_steps
-       << " steps, seed " << result.seed << ", " << std::fixed << std::setprecision(1) << result.seconds << " s on "
-       << result.num_threads << " threads\n\n";
-  text << std::left << std::setw(18) << "estimator" << std::setw(12) << "group" << std::right << std::setw(12)
-       << "RMSE" << std::setw(12) << "s.e." << std::setw(16) << "median per run" << "  unit\n";
+  text << "campaign " << result.scenario << ": " << result.num_runs << " runs of "
+       << result.num_steps << " steps, seed " << result.seed << ", " << std::fixed
+       << std::setprecision(1) << result.seconds << " s on " << result.num_threads
+       << " threads\n\n";
+  text << std::left << std::setw(18) << "estimator" << std::setw(12) << "group" << std::right
+       << std::setw(12) << "RMSE" << std::setw(12) << "s.e." << std::setw(16) << "median per run"
+       << "  unit\n";
   for (const CampaignError& error : result.errors) {
-    text << std::left << std::setw(18) << error.estimator << std::setw(12) << error.group << std::right
-         << std::setprecision(4) << std::setw(12) << error.rmse_step_mean << std::setw(12) << error.standard_error
-         << std::setw(16) << error.rmse_per_run_median << "  " << error.unit << "\n";
+    text << std::left << std::setw(18) << error.estimator << std::setw(12) << error.group
+         << std::right << std::setprecision(4) << std::setw(12) << error.rmse_step_mean
+         << std::setw(12) << error.standard_error << std::setw(16) << error.rmse_per_run_median
+         << "  " << error.unit << "\n";
   }
-  text << "\nRMSE: root mean square over runs at each step, then the mean over steps; s.e. by bootstrap over runs\n";
-  if (result.steps_not_ok > 0) text << result.steps_not_ok << " steps had an outcome other than ok\n";
+  text << "\nRMSE: root mean square over runs at each step, then the mean over steps; s.e. by "
+          "bootstrap over runs\n";
+  if (result.steps_not_ok > 0)
+    text << result.steps_not_ok << " steps had an outcome other than ok\n";
   return text.str();
 }
 
@@ -222,7 +241,8 @@ std::string to_json(const CampaignResult& result) {
 
 void write_run_log(const Experiment& experiment, std::uint32_t run, const std::string& file) {
   LogWriter writer(file);
-  run_meta_t meta = to_message(RunMeta{experiment.name, experiment.resolved, experiment.seed, run, particle_kernel_name()});
+  run_meta_t meta = to_message(
+      RunMeta{experiment.name, experiment.resolved, experiment.seed, run, particle_kernel_name()});
   writer.write_message("RUN_META", 0, meta);
   Simulation simulation(experiment, run);
   truth_t truth;

@@ -17,30 +17,39 @@ struct ProgressLine {
     const std::int64_t now_ns = holdfast::monotonic_time_ns();
     if (now_ns - shown_ns < 250'000'000 && done < total) return;
     shown_ns = now_ns;
-    const double rate = static_cast<double>(done) / (static_cast<double>(now_ns - started_ns) * 1e-9);
-    std::cerr << "\rrun " << done << " of " << total << ", " << static_cast<std::int64_t>(rate) << "/s, "
-              << static_cast<std::int64_t>(static_cast<double>(total - done) / rate) << " s left   "
-              << (done == total ? "\n" : "") << std::flush;
+    const double rate =
+        static_cast<double>(done) / (static_cast<double>(now_ns - started_ns) * 1e-9);
+    std::cerr << "\rrun " << done << " of " << total << ", " << static_cast<std::int64_t>(rate)
+              << "/s, " << static_cast<std::int64_t>(static_cast<double>(total - done) / rate)
+              << " s left   " << (done == total ? "\n" : "") << std::flush;
   }
 };
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Runs a scenario many times in process, with the plant, codec, attacker and estimators of a live run."};
+  CLI::App app{
+      "Runs a scenario many times in process, with the plant, codec, attacker and estimators of a "
+      "live run."};
   app.footer(
       "Examples:\n"
       "  holdfast-campaign scenarios/binary_tracking.yaml --runs 400\n"
-      "  holdfast-campaign scenarios/binary_radio.yaml --set estimators.secure.particles=200 --json out.json\n"
-      "  holdfast-campaign scenarios/binary_tracking.yaml --log run0.lcm --run 0      (one run, as a log)");
+      "  holdfast-campaign scenarios/binary_radio.yaml --set estimators.secure.particles=200 "
+      "--json out.json\n"
+      "  holdfast-campaign scenarios/binary_tracking.yaml --log run0.lcm --run 0      (one run, as "
+      "a log)");
   holdfast::ProgramOptions options;
   holdfast::CampaignOptions campaign;
   std::string json, log;
   std::uint32_t run = 0;
   options.add_scenario(app);
-  auto* runs = app.add_option("--runs", campaign.num_runs, "Number of runs [campaign.runs of the scenario]")->check(CLI::PositiveNumber);
-  app.add_option("--first-run", campaign.first_run, "Index of the first run [0]")->check(CLI::NonNegativeNumber);
-  app.add_option("--threads", campaign.num_threads, "Threads [one per processor]")->check(CLI::PositiveNumber);
+  auto* runs =
+      app.add_option("--runs", campaign.num_runs, "Number of runs [campaign.runs of the scenario]")
+          ->check(CLI::PositiveNumber);
+  app.add_option("--first-run", campaign.first_run, "Index of the first run [0]")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--threads", campaign.num_threads, "Threads [one per processor]")
+      ->check(CLI::PositiveNumber);
   app.add_option("--json", json, "Write the result, curves included, to this file");
   auto* log_option = app.add_option("--log", log, "Write one run as an LCM log instead");
   app.add_option("--run", run, "Which run to write [0]")->needs(log_option);
@@ -54,7 +63,8 @@ int main(int argc, char** argv) {
     }
     if (runs->count() == 0) campaign.num_runs = experiment.campaign_runs;
     for (const holdfast::EstimatorEntry& entry : experiment.estimators) {
-      if (entry.is_outside()) std::cerr << "holdfast-campaign: " << entry.name << " is an outside command: left out\n";
+      if (entry.is_outside())
+        std::cerr << "holdfast-campaign: " << entry.name << " is an outside command: left out\n";
     }
     if (isatty(STDERR_FILENO) != 0) campaign.on_progress = ProgressLine{};
     const holdfast::CampaignResult result = holdfast::run_campaign(experiment, campaign);

@@ -13,7 +13,8 @@
 
 namespace holdfast {
 
-ChildProcess::ChildProcess(std::string name, const std::vector<std::string>& argv, std::string output_file)
+ChildProcess::ChildProcess(std::string name, const std::vector<std::string>& argv,
+                           std::string output_file)
     : name_(std::move(name)), output_file_(std::move(output_file)) {
   std::vector<char*> arguments;
   for (const std::string& argument : argv) arguments.push_back(const_cast<char*>(argument.c_str()));
@@ -41,8 +42,11 @@ ChildProcess::ChildProcess(std::string name, const std::vector<std::string>& arg
 }
 
 ChildProcess::ChildProcess(ChildProcess&& other) noexcept
-    : name_(std::move(other.name_)), output_file_(std::move(other.output_file_)), pid_(other.pid_),
-      state_(other.state_), code_(other.code_) {
+    : name_(std::move(other.name_)),
+      output_file_(std::move(other.output_file_)),
+      pid_(other.pid_),
+      state_(other.state_),
+      code_(other.code_) {
   other.pid_ = -1;
   other.state_ = State::kExited;
 }

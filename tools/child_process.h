@@ -12,7 +12,8 @@ class ChildProcess {
  public:
   enum class State { kRunning, kExited, kKilled };
 
-  /// Starts argv[0] (searched in PATH when it has no '/'). Throws JobError when it cannot be forked.
+  /// Starts argv[0] (searched in PATH when it has no '/'). Throws JobError when it cannot be
+  /// forked.
   ChildProcess(std::string name, const std::vector<std::string>& argv, std::string output_file);
   ChildProcess(ChildProcess&& other) noexcept;
   ChildProcess& operator=(ChildProcess&&) = delete;

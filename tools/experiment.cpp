@@ -14,7 +14,8 @@ void check_name(ConfigurationMap& map, const std::string& name) {
                     std::all_of(name.begin(), name.end(), [](unsigned char c) {
                       return std::islower(c) != 0 || std::isdigit(c) != 0 || c == '_';
                     });
-  if (!fits) map.problem("name", "'" + name + "' must be lower-case letters, digits and '_', at most 40");
+  if (!fits)
+    map.problem("name", "'" + name + "' must be lower-case letters, digits and '_', at most 40");
 }
 
 // A believed value that is tied to the true one by the word "same", so that a sweep moves both.
@@ -30,11 +31,21 @@ void read_assumed(ConfigurationMap& map, const char* key, std::vector<double>& v
   }
 }
 
-// Probability that a sensor's bit arrives inverted, from the flip rules that act in every step.
-std::vector<double> true_flip_probability(const Experiment& experiment) {
+// True for a rule that flips each frame of its messages with one probability, in every step.
+bool flips_always(const AttackRule& rule) {
+  const AttackWindow everywhere;
+  return rule.bit < 0 && rule.match.signal.empty() &&
+         rule.window.first_step == everywhere.first_step &&
+         rule.window.last_step == everywhere.last_step && rule.window.from_s == everywhere.from_s &&
+         rule.window.to_s == everywhere.to_s;
+}
+
+// Probability that a sensor's bit arrives inverted. A rule that flips only at times has none.
+std::vector<double> true_flip_probability(const Experiment& experiment, std::string& untied_rule) {
   std::vector<double> flip(experiment.model.num_sensors(), 0.0);
   for (const AttackRule& rule : experiment.rules) {
     if (rule.action != AttackRule::Action::kFlip) continue;
+    if (!flips_always(rule)) untied_rule = rule.name;
     for (std::size_t s = 0; s < flip.size() && s < experiment.layout.messages.size(); ++s) {
       const DbcMessage* message = experiment.layout.dbc.find(experiment.layout.messages[s]);
       if (message == nullptr || !selects(rule.match, *message)) continue;
@@ -48,7 +59,15 @@ void read_assumes(ConfigurationMap map, const Experiment& experiment, EstimatorE
   entry.assumes = experiment.plant.attack;
   read_assumed(map, "dos", entry.assumes.dos, experiment.plant.attack.dos);
   read_assumed(map, "deception", entry.assumes.deception, experiment.plant.attack.deception);
-  read_assumed(map, "flip", entry.assumes.flip, true_flip_probability(experiment));
+  std::string untied_rule, flip_text = "same";
+  const std::vector<double> flip = true_flip_probability(experiment, untied_rule);
+  const bool is_tied =
+      !map.has("flip") || (map.scalar_text("flip", flip_text) && flip_text == "same");
+  if (is_tied && !untied_rule.empty()) {
+    map.problem("flip", "cannot be the same as rule '" + untied_rule +
+                            "', which flips only at times; give a number");
+  }
+  read_assumed(map, "flip", entry.assumes.flip, flip);
   std::vector<double> range = {entry.assumes.deception_low, entry.assumes.deception_high};
   map.read("deception_range", range, 2);
   if (range.size() == 2 && range[0] < range[1]) {
@@ -66,6 +85,9 @@ void read_estimators(ConfigurationMap& root, Experiment& experiment) {
     map.require("name");
     map.read("name", entry.name);
     check_name(map, entry.name);
+    if (entry.name == "plant" || entry.name == "driver" || entry.name == "attacker") {
+      map.problem("name", "'" + entry.name + "' is the name of another process of the run");
+    }
     if (!names.insert(entry.name).second) map.problem("name", "'" + entry.name + "' is taken");
     if (map.has("command")) {
       map.read("command", entry.command);
@@ -78,8 +100,9 @@ void read_estimators(ConfigurationMap& root, Experiment& experiment) {
     if (method != "secure_particle_filter") {
       map.problem("method", "'" + method + "' is none of: secure_particle_filter");
     }
-    map.read_choice("input", entry.input,
-                    {{"received", EstimatorEntry::Input::kReceived}, {"clean", EstimatorEntry::Input::kClean}});
+    map.read_choice(
+        "input", entry.input,
+        {{"received", EstimatorEntry::Input::kReceived}, {"clean", EstimatorEntry::Input::kClean}});
     entry.model = experiment.model;
     entry.model.read(map.map("model"));
     if (entry.model.num_sensors() != experiment.model.num_sensors()) {
@@ -105,19 +128,23 @@ void read_network(ConfigurationMap map, const std::string& folder, Experiment& e
   experiment.layout.read(map, folder);
   map.read("record_frames", experiment.record_frames);
   std::string check = "match", close = "tick";
-  map.read_choice("counter_check", check, {{"match", std::string("match")}, {"ignore", std::string("ignore")}});
-  map.read_choice("close_step", close, {{"tick", std::string("tick")}, {"clock", std::string("clock")}});
+  map.read_choice("counter_check", check,
+                  {{"match", std::string("match")}, {"ignore", std::string("ignore")}});
+  map.read_choice("close_step", close,
+                  {{"tick", std::string("tick")}, {"clock", std::string("clock")}});
   experiment.assembler.check_counter = check == "match";
   experiment.assembler.closed_by_tick = close == "tick";
   if (experiment.layout.messages.size() != experiment.model.num_sensors()) {
     map.problem("messages", std::to_string(experiment.layout.messages.size()) + " messages for " +
                                 std::to_string(experiment.model.num_sensors()) + " sensors");
   }
-  if (experiment.layout.signals.size() != 1) map.problem("signals", "a binary sensor has one signal");
+  if (experiment.layout.signals.size() != 1)
+    map.problem("signals", "a binary sensor has one signal");
 }
 
 void read_groups(ConfigurationMap& root, Experiment& experiment) {
-  experiment.state_names = BinaryTargetPlant(experiment.model, experiment.plant, 0, 0).state_names();
+  experiment.state_names =
+      BinaryTargetPlant(experiment.model, experiment.plant, 0, 0).state_names();
   root.read("state_names", experiment.state_names);
   if (!root.has("state_groups")) {
     experiment.state_groups = {{"position", {0, 2}, "m"}, {"velocity", {1, 3}, "m/s"}};
@@ -191,14 +218,16 @@ const EstimatorEntry& Experiment::estimator(const std::string& estimator_name) c
   }
   std::string names;
   for (const EstimatorEntry& entry : estimators) names += (names.empty() ? "" : ", ") + entry.name;
-  throw UsageError("no estimator '" + estimator_name + "' in scenario " + name + "; it has: " + names);
+  throw UsageError("no estimator '" + estimator_name + "' in scenario " + name +
+                   "; it has: " + names);
 }
 
 std::unique_ptr<Plant> Experiment::make_plant(std::uint32_t run) const {
   return std::make_unique<BinaryTargetPlant>(model, plant, static_cast<std::uint64_t>(seed), run);
 }
 
-std::unique_ptr<Estimator> Experiment::make_estimator(const EstimatorEntry& entry, std::uint32_t run) const {
+std::unique_ptr<Estimator> Experiment::make_estimator(const EstimatorEntry& entry,
+                                                      std::uint32_t run) const {
   return std::make_unique<SecureParticleFilter>(entry.model, entry.assumes, entry.particle_filter,
                                                 static_cast<std::uint64_t>(seed), run,
                                                 "estimator/particles");

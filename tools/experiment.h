@@ -42,13 +42,13 @@ struct Experiment {
   std::string name, description;
   std::int64_t seed = 1;
   std::int64_t num_steps = 100;
-  double period_s = 0.02;            // live pace of a step; 0: as fast as the bus goes
+  double period_s = 0.02;  // live pace of a step; 0: as fast as the bus goes
 
-  std::string plant_command;         // of an outside plant; empty for ours
+  std::string plant_command;  // of an outside plant; empty for ours
   BinaryTargetModel model;
   BinaryTargetPlantOptions plant;
 
-  std::string sensor_bus = "auto", monitor_bus = "auto";   // URLs, "auto", or both "none"
+  std::string sensor_bus = "auto", monitor_bus = "auto";  // URLs, "auto", or both "none"
   FrameLayout layout;
   AssemblerOptions assembler;
   bool record_frames = true;
@@ -59,10 +59,10 @@ struct Experiment {
   std::vector<StateGroup> state_groups;
   std::int64_t campaign_runs = 100;
 
-  std::string resolved;              // YAML with every default written out, DBC text included
+  std::string resolved;  // YAML with every default written out, DBC text included
 
   bool has_bus() const { return sensor_bus != "none"; }
-  const EstimatorEntry& estimator(const std::string& estimator_name) const;   // throws UsageError
+  const EstimatorEntry& estimator(const std::string& estimator_name) const;  // throws UsageError
 
   std::unique_ptr<Plant> make_plant(std::uint32_t run) const;
   std::unique_ptr<Estimator> make_estimator(const EstimatorEntry& entry, std::uint32_t run) const;

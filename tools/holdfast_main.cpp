@@ -27,7 +27,8 @@ constexpr Command kCommands[] = {
 void list_commands(std::ostream& stream) {
   stream << "usage: holdfast COMMAND [options]     (holdfast COMMAND --help tells more)\n\n";
   for (const Command& command : kCommands) {
-    stream << "  " << command.name << std::string(12 - std::string(command.name).size(), ' ') << command.does << "\n";
+    stream << "  " << command.name << std::string(12 - std::string(command.name).size(), ' ')
+           << command.does << "\n";
   }
 }
 
@@ -46,7 +47,8 @@ int main(int argc, char** argv) {
   for (const Command& command : kCommands) {
     if (name != command.name) continue;
     const std::string program =
-        (std::filesystem::read_symlink("/proc/self/exe").parent_path() / ("holdfast-" + name)).string();
+        (std::filesystem::read_symlink("/proc/self/exe").parent_path() / ("holdfast-" + name))
+            .string();
     std::vector<char*> arguments(argv + 1, argv + argc);
     arguments[0] = const_cast<char*>(program.c_str());
     arguments.push_back(nullptr);

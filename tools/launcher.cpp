@@ -51,7 +51,8 @@ std::string make_run_folder(const std::string& runs_folder, const std::string& n
 }
 
 void replace_all(std::string& text, const std::string& what, const std::string& with) {
-  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + with.size())) {
+  for (std::size_t at = text.find(what); at != std::string::npos;
+       at = text.find(what, at + with.size())) {
     text.replace(at, what.size(), with);
   }
 }
@@ -60,14 +61,16 @@ void replace_all(std::string& text, const std::string& what, const std::string& 
 struct Member {
   ChildProcess process;
   bool is_outside = false;
-  std::int64_t step = 0;   // of an outside estimator: of its newest estimate
+  std::int64_t step = 0;  // of an outside estimator: of its newest estimate
 };
 
 class Launcher {
  public:
   explicit Launcher(const LaunchOptions& options)
-      : options_(options), experiment_(load_experiment(options.scenario, options.overrides)),
-        network_(resolve_network(experiment_, options.lcm_url)), link_(network_.lcm_url) {}
+      : options_(options),
+        experiment_(load_experiment(options.scenario, options.overrides)),
+        network_(resolve_network(experiment_, options.lcm_url)),
+        link_(network_.lcm_url) {}
 
   int run() {
     for (const std::string& url : {network_.sensor_bus, network_.monitor_bus}) {
@@ -85,7 +88,8 @@ class Launcher {
     stop_recording();
     std::cout << report() << std::flush;
     if (is_interrupted_) {
-      std::cerr << "holdfast-run: stopped by a signal; the log holds what was recorded until then" << std::endl;
+      std::cerr << "holdfast-run: stopped by a signal; the log holds what was recorded until then"
+                << std::endl;
       return 130;
     }
     return has_run && failure_.empty() ? 0 : 1;
@@ -98,12 +102,15 @@ class Launcher {
     if (network_.is_embedded_bus) {
       std::cout << "bus        embedded (UDP on loopback): this kernel has no vcan0 and vcan1\n";
     }
-    std::cout << "           sensors " << network_.sensor_bus << ", monitor " << network_.monitor_bus << "\n"
+    std::cout << "           sensors " << network_.sensor_bus << ", monitor "
+              << network_.monitor_bus << "\n"
               << "run        " << folder_ << "\n";
     for (const EstimatorEntry& entry : experiment_.estimators) {
-      if (entry.is_outside()) std::cout << "outside    " << entry.name << ": " << entry.command << "\n";
+      if (entry.is_outside())
+        std::cout << "outside    " << entry.name << ": " << entry.command << "\n";
     }
-    if (!experiment_.plant_command.empty()) std::cout << "outside    plant: " << experiment_.plant_command << "\n";
+    if (!experiment_.plant_command.empty())
+      std::cout << "outside    plant: " << experiment_.plant_command << "\n";
     std::cout << "look       ";
     if (const char* pid = std::getenv("HOLDFAST_NAMESPACE_PID")) {
       std::cout << "nsenter --preserve-credentials -U -n -t " << pid << " -- ";
@@ -112,7 +119,8 @@ class Launcher {
   }
 
   run_meta_t meta() const {
-    return to_message(RunMeta{experiment_.name, experiment_.resolved, experiment_.seed, 0, particle_kernel_name()});
+    return to_message(RunMeta{experiment_.name, experiment_.resolved, experiment_.seed, 0,
+                              particle_kernel_name()});
   }
 
   void publish_meta() {
@@ -121,8 +129,10 @@ class Launcher {
   }
 
   // Turns the loop until the condition holds; false on failure, signal or time-out.
-  bool wait_until(const std::function<bool()>& condition, double timeout_s, const std::string& what) {
-    const std::int64_t deadline_ns = monotonic_time_ns() + static_cast<std::int64_t>(timeout_s * 1e9);
+  bool wait_until(const std::function<bool()>& condition, double timeout_s,
+                  const std::string& what) {
+    const std::int64_t deadline_ns =
+        monotonic_time_ns() + static_cast<std::int64_t>(timeout_s * 1e9);
     bool is_met = false;
     while (!(is_met = condition()) && failure_.empty() && !is_interrupted_) {
       if (monotonic_time_ns() > deadline_ns) {
@@ -143,22 +153,26 @@ class Launcher {
 
   void look_for_deaths() {
     for (Member& member : members_) {
-      if (!member.process.is_running() || member.process.poll() == ChildProcess::State::kRunning) continue;
+      if (!member.process.is_running() || member.process.poll() == ChildProcess::State::kRunning)
+        continue;
       if (member.process.succeeded() || is_stopping_) continue;
       fail(member.process.name() + " ended before the run was over (" + member.process.ending() +
-           "); its last words in " + member.process.output_file() + ":\n" + member.process.output_tail());
+           "); its last words in " + member.process.output_file() + ":\n" +
+           member.process.output_tail());
     }
   }
 
-  // Our own recorder, not lcm-logger: that one keeps LCM's queue of 30 messages per channel and loses
-  // what comes faster, without a word. RUN_META is the first event because it is written here.
+  // Our own recorder, not lcm-logger: that one keeps LCM's queue of 30 messages per channel and
+  // loses what comes faster, without a word. RUN_META is the first event because it is written
+  // here.
   void start_recording() {
     log_ = folder_ + "/log.lcm";
     recorder_.emplace(log_);
     run_meta_t first = meta();
     recorder_->write_message("RUN_META", wall_utime(), first);
     recorder_->flush();
-    link_.record_all([this](const std::string& channel, std::int64_t utime, std::span<const std::uint8_t> bytes) {
+    link_.record_all([this](const std::string& channel, std::int64_t utime,
+                            std::span<const std::uint8_t> bytes) {
       // LCM's tools refuse events without data.
       if (channel == "LCM_SELF_TEST" || bytes.empty()) return;
       try {
@@ -176,7 +190,8 @@ class Launcher {
     return decode_guarded(bytes, message) && message.utime == last_word_utime_;
   }
 
-  // Datagrams reach the recorder in order, so all that came before is written when our last word is.
+  // Datagrams reach the recorder in order, so all that came before is written when our last word
+  // is.
   void stop_recording() {
     run_meta_t last = meta();
     last_word_utime_ = last.utime;
@@ -190,7 +205,8 @@ class Launcher {
     }
   }
 
-  std::vector<std::string> command(const std::string& program, std::vector<std::string> arguments) const {
+  std::vector<std::string> command(const std::string& program,
+                                   std::vector<std::string> arguments) const {
     std::vector<std::string> argv = {options_.program_folder + "/" + program, "--scenario",
                                      folder_ + "/scenario.yaml", "--lcm-url", network_.lcm_url};
     argv.insert(argv.end(), arguments.begin(), arguments.end());
@@ -205,9 +221,10 @@ class Launcher {
       if (!members_[index].is_outside) members_[index].step = status.step;
     });
     if (!is_outside) return;
-    link_.subscribe<estimate_t>(channel_name("EST_", name), [this, index](const estimate_t& estimate) {
-      members_[index].step = std::max(members_[index].step, estimate.step);
-    });
+    link_.subscribe<estimate_t>(
+        channel_name("EST_", name), [this, index](const estimate_t& estimate) {
+          members_[index].step = std::max(members_[index].step, estimate.step);
+        });
   }
 
   std::vector<std::string> outside_command(std::string text, const std::string& name) const {
@@ -228,7 +245,8 @@ class Launcher {
     members_.reserve(experiment_.estimators.size() + 3);
     if (experiment_.has_bus()) {
       start("driver", command("holdfast-can-driver", {"--bus", network_.monitor_bus}), false);
-      std::vector<std::string> arguments = {"--from", network_.sensor_bus, "--to", network_.monitor_bus};
+      std::vector<std::string> arguments = {"--from", network_.sensor_bus, "--to",
+                                            network_.monitor_bus};
       for (const std::string& argument : owned()) arguments.push_back(argument);
       start("attacker", command("holdfast-attacker", arguments), false);
     }
@@ -236,7 +254,8 @@ class Launcher {
       if (entry.is_outside()) {
         start(entry.name, outside_command(entry.command, entry.name), true);
       } else if (entry.input == EstimatorEntry::Input::kClean) {
-        std::cout << "left out   " << entry.name << ": sees clean readings, which only a campaign has" << std::endl;
+        std::cout << "left out   " << entry.name
+                  << ": sees clean readings, which only a campaign has" << std::endl;
       } else {
         start(entry.name, command("holdfast-estimator", {"--name", entry.name}), false);
       }
@@ -244,15 +263,18 @@ class Launcher {
     const auto all_ready = [this] {
       for (const Member& member : members_) {
         const auto found = state_.find(member.process.name());
-        if (found == state_.end() || found->second < static_cast<int>(ProcessState::kReady)) return false;
+        if (found == state_.end() || found->second < static_cast<int>(ProcessState::kReady))
+          return false;
       }
       return true;
     };
-    return wait_until(all_ready, kReadyTimeout_s, "a process did not say in time that it is ready: " + not_ready());
+    return wait_until(all_ready, kReadyTimeout_s,
+                      "a process did not say in time that it is ready: " + not_ready());
   }
 
   std::string not_ready() const {
-    return "see the output files in " + folder_ + "; an outside command must publish STATUS_<NAME> with state READY";
+    return "see the output files in " + folder_ +
+           "; an outside command must publish STATUS_<NAME> with state READY";
   }
 
   bool start_plant() {
@@ -274,18 +296,21 @@ class Launcher {
       bool is_done = true;
       for (Member& member : members_) {
         sum += member.step;
-        if (member.process.name() != "plant" || !member.is_outside) first = std::min(first, member.step);
-        const bool is_finished = member.is_outside
-                                     ? member.step >= experiment_.num_steps || member.process.succeeded()
-                                     : member.process.succeeded();
-        is_done = is_done && (is_finished || (member.is_outside && member.process.name() == "plant"));
+        if (member.process.name() != "plant" || !member.is_outside)
+          first = std::min(first, member.step);
+        const bool is_finished =
+            member.is_outside ? member.step >= experiment_.num_steps || member.process.succeeded()
+                              : member.process.succeeded();
+        is_done =
+            is_done && (is_finished || (member.is_outside && member.process.name() == "plant"));
       }
       if (sum != last_sum) {
         last_sum = sum;
         last_change_ns = monotonic_time_ns();
         show_progress(first);
       }
-      if (!is_done && static_cast<double>(monotonic_time_ns() - last_change_ns) * 1e-9 > options_.stall_timeout_s) {
+      if (!is_done && static_cast<double>(monotonic_time_ns() - last_change_ns) * 1e-9 >
+                          options_.stall_timeout_s) {
         fail(stall_text());
       }
       return is_done;
@@ -294,7 +319,8 @@ class Launcher {
   }
 
   std::string stall_text() {
-    std::string text = "no new step for " + std::to_string(static_cast<int>(options_.stall_timeout_s)) + " s:";
+    std::string text =
+        "no new step for " + std::to_string(static_cast<int>(options_.stall_timeout_s)) + " s:";
     for (const Member& member : members_) {
       text += " " + member.process.name() + " at " + std::to_string(member.step) + ";";
     }
@@ -311,28 +337,31 @@ class Launcher {
     is_stopping_ = true;
     const auto all_ended = [this] {
       bool is_ended = true;
-      for (Member& member : members_) is_ended = member.process.poll() != ChildProcess::State::kRunning && is_ended;
+      for (Member& member : members_)
+        is_ended = member.process.poll() != ChildProcess::State::kRunning && is_ended;
       return is_ended;
     };
     for (Member& member : members_) member.process.send(SIGTERM);
     spin_until(all_ended, kStopTimeout_s);
     for (Member& member : members_) {
       if (!member.process.is_running()) continue;
-      std::cerr << "holdfast-run: " << member.process.name() << " does not stop; killed" << std::endl;
+      std::cerr << "holdfast-run: " << member.process.name() << " does not stop; killed"
+                << std::endl;
       member.process.send(SIGKILL);
     }
     spin_until(all_ended, kStopTimeout_s);
   }
 
   void spin_until(const std::function<bool()>& condition, double timeout_s) {
-    const std::int64_t deadline_ns = monotonic_time_ns() + static_cast<std::int64_t>(timeout_s * 1e9);
+    const std::int64_t deadline_ns =
+        monotonic_time_ns() + static_cast<std::int64_t>(timeout_s * 1e9);
     while (!condition() && monotonic_time_ns() < deadline_ns) loop_.run_for(kPollPeriod_s);
   }
 
   std::string report() {
     try {
-      return "\n" + write_review_report(log_, folder_) + "\nlog        " + log_ + "\nreport     " + folder_ +
-             "/review.txt, review.json\npath       " + folder_ + "/path.svg\n";
+      return "\n" + write_review_report(log_, folder_) + "\nlog        " + log_ + "\nreport     " +
+             folder_ + "/review.txt, review.json\npath       " + folder_ + "/path.svg\n";
     } catch (const std::exception& error) {
       fail(std::string("the log cannot be reviewed: ") + error.what());
       return "";
@@ -355,6 +384,8 @@ class Launcher {
 
 }  // namespace
 
-int launch(const LaunchOptions& options) { return Launcher(options).run(); }
+int launch(const LaunchOptions& options) {
+  return Launcher(options).run();
+}
 
 }  // namespace holdfast

@@ -8,9 +8,9 @@ namespace holdfast {
 struct LaunchOptions {
   std::string scenario;
   std::vector<std::string> overrides;
-  std::string lcm_url;            // "": a free port of its own
+  std::string lcm_url;  // "": a free port of its own
   std::string runs_folder = "runs";
-  std::string program_folder;     // where the other holdfast programs stand
+  std::string program_folder;  // where the other holdfast programs stand
   std::string owned_bus;
   double stall_timeout_s = 20.0;  // without a new step
   bool shows_progress = false;    // a line that is written over; for terminals

@@ -33,9 +33,11 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
     if (!is_wanted || entry.is_outside() || entry.input == EstimatorEntry::Input::kClean) continue;
     auto estimator = experiment.make_estimator(entry, static_cast<std::uint32_t>(meta.run));
     EstimatorSession session(*estimator, experiment.num_steps, experiment.model.step_s);
-    replayed.push_back({channel_name("EST_", entry.name), std::move(estimator), std::move(session)});
+    replayed.push_back(
+        {channel_name("EST_", entry.name), std::move(estimator), std::move(session)});
   }
-  if (replayed.empty()) throw UsageError(log_file + ": its scenario has no estimator that could be run again");
+  if (replayed.empty())
+    throw UsageError(log_file + ": its scenario has no estimator that could be run again");
 
   LogReader reader(log_file);
   LogWriter writer(out_file);

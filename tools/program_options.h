@@ -18,7 +18,8 @@ struct ProgramOptions {
 
   void add_scenario(CLI::App& app) {
     app.add_option("--scenario,scenario", scenario, "Scenario file (YAML)")->required();
-    app.add_option("--set", overrides, "Override a key: path.to.key=value (repeatable)")->allow_extra_args(false);
+    app.add_option("--set", overrides, "Override a key: path.to.key=value (repeatable)")
+        ->allow_extra_args(false);
   }
   void add_lcm(CLI::App& app) {
     app.add_option("--lcm-url", lcm_url, "LCM URL [$LCM_DEFAULT_URL, else udpm with ttl=0]");
@@ -30,7 +31,8 @@ struct ProgramOptions {
   Experiment load() const { return load_experiment(scenario, overrides); }
 };
 
-/// Adds --version, parses, and returns -1 to go on or an exit status: 0 after help, 2 for wrong use.
+/// Adds --version, parses, and returns -1 to go on or an exit status: 0 after help, 2 for wrong
+/// use.
 inline int parse_command_line(CLI::App& app, const std::string& name, int argc, char** argv) {
   app.set_version_flag("--version", version_line(name));
   try {

@@ -10,13 +10,16 @@ int main(int argc, char** argv) {
   app.footer(
       "Examples:\n"
       "  holdfast-run scenarios/binary_tracking.yaml\n"
-      "  holdfast-run scenarios/binary_tracking.yaml --set seed=7 --set attacks.flip.probability=0.2");
+      "  holdfast-run scenarios/binary_tracking.yaml --set seed=7 --set "
+      "attacks.flip.probability=0.2");
   holdfast::LaunchOptions options;
   app.add_option("scenario,--scenario", options.scenario, "Scenario file (YAML)")->required();
-  app.add_option("--set", options.overrides, "Override a key: path.to.key=value (repeatable)")->allow_extra_args(false);
+  app.add_option("--set", options.overrides, "Override a key: path.to.key=value (repeatable)")
+      ->allow_extra_args(false);
   app.add_option("--lcm-url", options.lcm_url, "LCM URL [a free port on loopback]");
   app.add_option("--runs", options.runs_folder, "Folder for the run's folder [runs]");
-  app.add_option("--stall-timeout", options.stall_timeout_s, "Seconds without a new step that end the run [20]")
+  app.add_option("--stall-timeout", options.stall_timeout_s,
+                 "Seconds without a new step that end the run [20]")
       ->check(CLI::PositiveNumber);
   app.add_option("--i-own-this-bus", options.owned_bus,
                  "URL of a bus that is no virtual one and that you may write to");

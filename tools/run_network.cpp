@@ -20,10 +20,12 @@ int take_port(int first, std::vector<SocketLock>& locks) {
       return port;
     }
   }
-  throw JobError("no free port from " + std::to_string(first) + " on: are that many runs going on?");
+  throw JobError("no free port from " + std::to_string(first) +
+                 " on: are that many runs going on?");
 }
 
-std::string resolve_bus(const std::string& given, const std::string& vcan, bool has_vcan, RunNetwork& network) {
+std::string resolve_bus(const std::string& given, const std::string& vcan, bool has_vcan,
+                        RunNetwork& network) {
   if (given != "auto") return given;
   if (has_vcan) return "socketcan:" + vcan;
   network.is_embedded_bus = true;
@@ -37,7 +39,8 @@ RunNetwork resolve_network(const Experiment& experiment, const std::string& lcm_
   network.lcm_url = lcm_url;
   if (lcm_url.empty()) {
     network.lcm_url =
-        "udpm://239.255.76.67:" + std::to_string(take_port(kLcmPortFirst, network.locks)) + "?ttl=0";
+        "udpm://239.255.76.67:" + std::to_string(take_port(kLcmPortFirst, network.locks)) +
+        "?ttl=0";
   }
   if (!experiment.has_bus()) {
     network.sensor_bus = network.monitor_bus = "none";
@@ -65,7 +68,9 @@ void require_quiet_bus(const std::string& url, double seconds) {
   loop.after(seconds, [&] { loop.stop(); });
   loop.run();
   if (!is_quiet) {
-    throw JobError("foreign frames arrive on " + url + " before the run has begun; stop their sender, or name another bus in the scenario (network.sensor_bus, network.monitor_bus)");
+    throw JobError("foreign frames arrive on " + url +
+                   " before the run has begun; stop their sender, or name another bus in the "
+                   "scenario (network.sensor_bus, network.monitor_bus)");
   }
 }
 

@@ -19,8 +19,8 @@ Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
   estimates_.resize(entries_.size(), nullptr);
 }
 
-void Simulation::pass_bus(const std::vector<std::vector<double>>& readings, MeasurementAssembler& assembler,
-                          bool is_attacked, MeasurementSet& set) {
+void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
+                          MeasurementAssembler& assembler, bool is_attacked, MeasurementSet& set) {
   const auto deliver = [&](const CanFrame& frame) {
     const MeasurementSet* closed = assembler.on_frame(frame);
     if (closed == nullptr) return;

@@ -23,8 +23,8 @@ class Simulation {
   const std::vector<const EstimatorEntry*>& entries() const { return entries_; }
   /// estimates()[i] belongs to entries()[i].
   const std::vector<const Estimate*>& estimates() const { return estimates_; }
-  const std::vector<AttackRecord>& attack_records() const { return records_; }   // of this step
-  const std::vector<CanFrame>& sent_frames() const { return sent_; }             // of this step
+  const std::vector<AttackRecord>& attack_records() const { return records_; }  // of this step
+  const std::vector<CanFrame>& sent_frames() const { return sent_; }            // of this step
 
  private:
   void pass_bus(const std::vector<std::vector<double>>& readings, MeasurementAssembler& assembler,

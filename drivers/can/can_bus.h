@@ -35,6 +35,11 @@ class CanBus {
   /// frames that this object wrote, nor error frames (counted, and told to the listener).
   virtual std::size_t read(std::span<CanFrame> frames) = 0;
 
+  /// Like read(), but where the bus can, waits for the first frame, up to kReadWait_s: spares a
+  /// program that forwards as fast as it can the detour through its loop. Elsewhere: read().
+  virtual std::size_t read_waiting(std::span<CanFrame> frames) { return read(frames); }
+  static constexpr double kReadWait_s = 0.02;
+
   /// Sends in order. A full queue (ENOBUFS, EAGAIN) or an interface that is down is waited for, up
   /// to the time-out, then the frame is dropped and counted. Returns the number sent.
   virtual std::size_t write(std::span<const CanFrame> frames) = 0;
@@ -51,6 +56,7 @@ struct BusOptions {
   std::string owned_url;   // the URL that the user says to own; allows writing to real hardware
   double write_timeout_s = 10.0;
   int receive_buffer_bytes = 8 << 20;
+  bool wants_receive_times = true;  // the kernel's stamp on each frame
   /// Told what happens: "vcan0 is down", "vcan0 is up again", "bus-off". May be empty.
   std::function<void(const std::string&)> on_event;
 };

@@ -37,7 +37,7 @@ ReceiveBatch::ReceiveBatch(std::size_t bytes_max)
   }
 }
 
-int ReceiveBatch::receive(int fd, std::size_t num_max) {
+int ReceiveBatch::receive(int fd, std::size_t num_max, bool is_waiting) {
   num_max = std::min(num_max, kBatchMax);
   for (std::size_t i = 0; i < num_max; ++i) {
     headers_[i].msg_hdr.msg_namelen = sizeof(sockaddr_in);
@@ -46,7 +46,8 @@ int ReceiveBatch::receive(int fd, std::size_t num_max) {
   }
   int result = 0;
   do {
-    result = recvmmsg(fd, headers_.data(), static_cast<unsigned>(num_max), MSG_DONTWAIT, nullptr);
+    result = recvmmsg(fd, headers_.data(), static_cast<unsigned>(num_max),
+                      is_waiting ? MSG_WAITFORONE : MSG_DONTWAIT, nullptr);
   } while (result < 0 && errno == EINTR);
   if (result < 0) return -errno;
   for (int i = 0; i < result; ++i) read_controls(static_cast<std::size_t>(i));
@@ -90,12 +91,22 @@ std::span<std::uint8_t> SendBatch::slot(std::size_t i) {
 }
 
 int SendBatch::send(int fd, std::size_t first, std::size_t num) {
+  if (num == 1) return send_one(fd, first);
   int result = 0;
   do {
     result = sendmmsg(fd, headers_.data() + first, static_cast<unsigned>(num),
                       MSG_DONTWAIT | MSG_NOSIGNAL);
   } while (result < 0 && errno == EINTR);
   return result < 0 ? -errno : result;
+}
+
+// The kernel's shortest way for what is most frequent.
+int SendBatch::send_one(int fd, std::size_t i) {
+  ssize_t result = 0;
+  do {
+    result = ::send(fd, vectors_[i].iov_base, vectors_[i].iov_len, MSG_DONTWAIT | MSG_NOSIGNAL);
+  } while (result < 0 && errno == EINTR);
+  return result < 0 ? -errno : 1;
 }
 
 void DropCounter::note(std::uint32_t kernel_count) {
@@ -106,9 +117,9 @@ void DropCounter::note(std::uint32_t kernel_count) {
   last_ = kernel_count;
 }
 
-int prepare_receiving(int fd, int buffer_bytes) {
+int prepare_receiving(int fd, int buffer_bytes, bool wants_stamps) {
   const int on = 1;
-  setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+  if (wants_stamps) setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
   setsockopt(fd, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on);
   if (setsockopt(fd, SOL_SOCKET, SO_RCVBUFFORCE, &buffer_bytes, sizeof buffer_bytes) != 0) {
     setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &buffer_bytes, sizeof buffer_bytes);

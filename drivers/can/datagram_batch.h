@@ -20,8 +20,8 @@ class ReceiveBatch {
   explicit ReceiveBatch(std::size_t bytes_max);
 
   /// Takes up to num_max waiting datagrams; returns their number, or -errno (-EAGAIN when none
-  /// waits).
-  int receive(int fd, std::size_t num_max);
+  /// waits). is_waiting: waits for the first one as long as the socket's SO_RCVTIMEO.
+  int receive(int fd, std::size_t num_max, bool is_waiting = false);
 
   std::span<const std::uint8_t> bytes(std::size_t i) const;
   bool is_cut(std::size_t i) const { return (headers_[i].msg_hdr.msg_flags & MSG_TRUNC) != 0; }
@@ -54,6 +54,8 @@ class SendBatch {
   int send(int fd, std::size_t first, std::size_t num);
 
  private:
+  int send_one(int fd, std::size_t i);
+
   std::size_t bytes_max_;
   std::vector<std::uint8_t> data_;
   std::vector<iovec> vectors_;
@@ -73,7 +75,7 @@ class DropCounter {
 
 /// Asks for the receive buffer, past the system's limit where the process may, and for receive
 /// stamps and the drop counter. Returns the bytes that the kernel granted.
-int prepare_receiving(int fd, int buffer_bytes);
+int prepare_receiving(int fd, int buffer_bytes, bool wants_stamps = true);
 
 /// The kernel's own drop counter of a socket (SO_MEMINFO): it also knows the last losses, which the
 /// counter on the datagrams tells only with a later one. Negative when this kernel has none.

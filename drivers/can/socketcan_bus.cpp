@@ -112,12 +112,20 @@ SocketCanBus::SocketCanBus(FileDescriptor open_socket, const std::string& name,
       socket_(std::move(open_socket)),
       received_(kKernelFrameBytesMax),
       sending_(kKernelFrameBytesMax) {
-  granted_bytes_ = prepare_receiving(socket_.get(), options_.receive_buffer_bytes);
+  prepare_socket();
   watch(socket_.get());
 }
 
+void SocketCanBus::prepare_socket() {
+  const timeval wait{0, static_cast<suseconds_t>(kReadWait_s * 1e6)};
+  setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait);
+  granted_bytes_ =
+      prepare_receiving(socket_.get(), options_.receive_buffer_bytes, options_.wants_receive_times);
+}
+
 void SocketCanBus::open_socket() {
-  socket_ = FileDescriptor(socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW));
+  // Blocking, so that read_waiting() may wait; all other calls pass MSG_DONTWAIT.
+  socket_ = FileDescriptor(socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW));
   if (!socket_.is_open()) {
     throw JobError(
         system_problem("socketcan:" + name_ + ": this kernel offers no CAN sockets", errno) +
@@ -131,7 +139,7 @@ void SocketCanBus::open_socket() {
           0) {
     throw JobError(system_problem("socketcan:" + name_ + ": raw CAN options", errno));
   }
-  granted_bytes_ = prepare_receiving(socket_.get(), options_.receive_buffer_bytes);
+  prepare_socket();
 }
 
 void SocketCanBus::watch(int fd) {
@@ -196,11 +204,11 @@ void SocketCanBus::set_state(State state) {
   tell(name_ + (state == State::kDown ? " is down: waiting" : " is gone: waiting"));
 }
 
-std::size_t SocketCanBus::read(std::span<CanFrame> frames) {
+std::size_t SocketCanBus::read_frames(std::span<CanFrame> frames, bool is_waiting) {
   std::size_t num_read = 0;
   while (num_read < frames.size() && !at_end_) {
     const std::size_t wanted = std::min(frames.size() - num_read, kBatchMax);
-    const int result = received_.receive(socket_.get(), wanted);
+    const int result = received_.receive(socket_.get(), wanted, is_waiting && num_read == 0);
     if (result <= 0) {
       on_read_error(-result);
       break;

@@ -43,7 +43,10 @@ class SocketCanBus : public CanBus {
   SocketCanBus(FileDescriptor open_socket, const std::string& name, const BusOptions& options);
 
   int file_descriptor() const override { return wake_.get(); }
-  std::size_t read(std::span<CanFrame> frames) override;
+  std::size_t read(std::span<CanFrame> frames) override { return read_frames(frames, false); }
+  std::size_t read_waiting(std::span<CanFrame> frames) override {
+    return read_frames(frames, true);
+  }
   /// Throws std::logic_error when the bus was opened read-only.
   std::size_t write(std::span<const CanFrame> frames) override;
   /// True when the other end of a socketpair was closed.
@@ -54,11 +57,13 @@ class SocketCanBus : public CanBus {
   enum class State { kUp, kDown, kGone };
 
   void open_socket();
+  void prepare_socket();
   void watch(int fd);
   bool may_write_to_interface() const;
   void bind_to(int index);
   void check_link();
   void set_state(State state);
+  std::size_t read_frames(std::span<CanFrame> frames, bool is_waiting);
   void on_read_error(int error);
   bool take(std::size_t i, CanFrame& frame);
   void on_error_frame(const CanFrame& frame);

@@ -55,7 +55,8 @@ void BinaryTargetModel::read(ConfigurationMap map) {
   map.read("step_s", step_s, kPositive);
   map.read("process_noise_intensity", process_noise_intensity, kNonNegative);
   map.read("sensor_positions_m", sensor_positions_m, 2);
-  if (sensor_positions_m.empty()) map.problem("sensor_positions_m", "at least one sensor is needed");
+  if (sensor_positions_m.empty())
+    map.problem("sensor_positions_m", "at least one sensor is needed");
   map.read("source_power", source_power, kNonNegative);
   map.read("reference_distance_m", reference_distance_m, kPositive);
   map.read("decay_exponent", decay_exponent, kPositive);

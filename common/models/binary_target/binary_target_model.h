@@ -39,20 +39,20 @@ struct BinaryTargetModel {
     double heading_mean_rad = 0.64350110879328437, heading_std_rad = 0.52359877559829887;
   };
 
-  double step_s = 1.0;                     // t
-  double process_noise_intensity = 0.002025;  // Xi
+  double step_s = 1.0;                                  // t
+  double process_noise_intensity = 0.002025;            // Xi
   std::vector<std::vector<double>> sensor_positions_m;  // [S x 2]
-  double source_power = 4000.0;            // Upsilon
-  double reference_distance_m = 1.0;       // d0
-  double decay_exponent = 2.8;             // lambda
-  double threshold = 0.3;                  // T
+  double source_power = 4000.0;                         // Upsilon
+  double reference_distance_m = 1.0;                    // d0
+  double decay_exponent = 2.8;                          // lambda
+  double threshold = 0.3;                               // T
   Glint glint;
   Prior prior;
 
   /// Radio channel after the bus: y = gain * bit + N(0, noise_std^2), eq. (8). Off: y is the bit.
   bool has_radio_channel = false;
-  double radio_gain = 0.5;                 // tau
-  double radio_noise_std = 0.1;            // of epsilon
+  double radio_gain = 0.5;       // tau
+  double radio_noise_std = 0.1;  // of epsilon
 
   std::size_t num_sensors() const { return sensor_positions_m.size(); }
 

@@ -60,6 +60,23 @@ TEST_CASE("frames of every kind pass between two buses unchanged and in order") 
   CHECK(one.read(none) == 0);  // its own frames do not come back
 }
 
+TEST_CASE("a waiting read takes what comes meanwhile, and comes back when nothing does") {
+  Pair pair;
+  SocketCanBus one(std::move(pair.near), "one", writable());
+  SocketCanBus two(std::move(pair.far), "two", {});
+  std::array<CanFrame, 8> frames;
+  CHECK(two.read_waiting(frames) == 0);
+  std::thread writer([&] { one.write(std::array{numbered_frame(1), numbered_frame(2)}); });
+  std::vector<std::uint32_t> numbers;
+  for (int reads = 0; numbers.size() < 2 && reads < 1000; ++reads) {
+    const std::size_t count = two.read_waiting(frames);
+    for (std::size_t i = 0; i < count; ++i) numbers.push_back(number_of(frames[i]));
+  }
+  writer.join();
+  CHECK(numbers == std::vector<std::uint32_t>{1, 2});
+  CHECK(two.read(frames) == 0);
+}
+
 TEST_CASE("more frames than a batch, and than the queue, keep their order") {
   Pair pair;
   SocketCanBus one(std::move(pair.near), "one", writable());

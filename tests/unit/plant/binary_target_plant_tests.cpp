@@ -38,7 +38,8 @@ struct Shares {
 Shares count_attacks(double dos, double deception, int num_runs) {
   Shares shares;
   for (int run = 0; run < num_runs; ++run) {
-    BinaryTargetPlant plant(paper_model(), options_with(dos, deception), 1, static_cast<std::uint32_t>(run));
+    BinaryTargetPlant plant(paper_model(), options_with(dos, deception), 1,
+                            static_cast<std::uint32_t>(run));
     for (int k = 0; k < 20; ++k) {
       const PlantStep& step = plant.advance();
       for (std::size_t s = 0; s < 16; ++s) {
@@ -72,12 +73,14 @@ TEST_CASE("the measurement chain equals the golden vectors") {
       draws.dos_uniform = step["U"][0][s];
       draws.deception_uniform = step["U"][1][s];
       draws.deception_value = step["mu"][s];
-      const BinaryReading reading = read_binary_sensor(energy, parameters["T_delta"], parameters["phi_dos"],
-                                                       parameters["varphi_deception"], draws);
+      const BinaryReading reading =
+          read_binary_sensor(energy, parameters["T_delta"], parameters["phi_dos"],
+                             parameters["varphi_deception"], draws);
       CHECK(std::abs(reading.attacked - step["ybar"][s].get<double>()) <=
             1e-12 * std::max(1.0, std::abs(reading.attacked)));
       CHECK(static_cast<int>(reading.bit) == step["theta"][s].get<int>());
-      const bool is_flipped = step["U"][2][s].get<double>() < parameters["alpha_flip"].get<double>();
+      const bool is_flipped =
+          step["U"][2][s].get<double>() < parameters["alpha_flip"].get<double>();
       CHECK(static_cast<int>(reading.bit != is_flipped) == step["thetabar"][s].get<int>());
       ++num_readings;
     }

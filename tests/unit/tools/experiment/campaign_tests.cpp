@@ -9,9 +9,11 @@ namespace holdfast {
 namespace {
 
 Experiment small(std::vector<std::string> overrides = {}) {
-  overrides.insert(overrides.begin(), {"steps=15", "estimators.secure.particles=100",
-                                       "estimators.neglect.particles=100", "estimators.uncorrupted.particles=100"});
-  return load_experiment(std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml", overrides);
+  overrides.insert(overrides.begin(),
+                   {"steps=15", "estimators.secure.particles=100",
+                    "estimators.neglect.particles=100", "estimators.uncorrupted.particles=100"});
+  return load_experiment(std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml",
+                         overrides);
 }
 
 CampaignResult run(const Experiment& experiment, int num_threads, std::int64_t first_run = 0) {
@@ -76,7 +78,8 @@ TEST_CASE("without attacks a clean and a received measurement set are the same")
       small({"attacks=[]", "plant.attack.dos=0", "plant.attack.deception=0"});
   Simulation simulation(experiment, 3);
   while (simulation.advance()) {
-    CHECK(simulation.estimates()[1]->mean == simulation.estimates()[2]->mean);   // neglect, uncorrupted
+    CHECK(simulation.estimates()[1]->mean ==
+          simulation.estimates()[2]->mean);  // neglect, uncorrupted
     CHECK(simulation.attack_records().empty());
   }
 }

@@ -19,7 +19,9 @@ std::string problems_of(const std::vector<std::string>& overrides) {
   return "";
 }
 
-bool mentions(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool mentions(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
 
 }  // namespace
 
@@ -47,23 +49,33 @@ TEST_CASE("the word same ties a believed probability to the true one") {
   CHECK(secure.assumes.deception == std::vector<double>(16, 0.1));
   CHECK(moved.estimator("neglect").assumes.flip == std::vector<double>(16, 0.0));
 
-  const Experiment apart = load_experiment(
-      scenario("binary_tracking"), {"attacks.flip.probability=0.3", "estimators.secure.assumes.flip=0.1"});
+  const Experiment apart =
+      load_experiment(scenario("binary_tracking"),
+                      {"attacks.flip.probability=0.3", "estimators.secure.assumes.flip=0.1"});
   CHECK(apart.estimator("secure").assumes.flip == std::vector<double>(16, 0.1));
 }
 
 TEST_CASE("two flips of one sensor cancel each other") {
   const Experiment experiment = load_experiment(
-      scenario("binary_tracking"),
-      {"attacks=[{name: a, match: {messages: [Sensor03]}, probability: 0.2, action: flip, signal: DETECT},"
-       " {name: b, match: {messages: [Sensor03]}, probability: 0.5, action: flip, signal: DETECT}]"});
+      scenario("binary_tracking"), {"attacks=[{name: a, match: {messages: [Sensor03]}, "
+                                    "probability: 0.2, action: flip, signal: DETECT},"
+                                    " {name: b, match: {messages: [Sensor03]}, probability: 0.5, "
+                                    "action: flip, signal: DETECT}]"});
   CHECK(experiment.estimator("secure").assumes.flip[2] == Approx(0.2 * 0.5 + 0.8 * 0.5));
   CHECK(experiment.estimator("secure").assumes.flip[3] == 0.0);
 }
 
+TEST_CASE("a flip that acts only at times is not tied to a belief without a word") {
+  const std::string text = problems_of({"attacks.flip.window={first_step: 50}"});
+  CHECK(mentions(text, "flips only at times"));
+  CHECK(problems_of({"attacks.flip.window={first_step: 50}", "estimators.secure.assumes.flip=0.1"})
+            .empty());
+}
+
 TEST_CASE("probabilities may differ between sensors") {
   const std::string list = "[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]";
-  const Experiment experiment = load_experiment(scenario("binary_tracking"), {"plant.attack.dos=" + list});
+  const Experiment experiment =
+      load_experiment(scenario("binary_tracking"), {"plant.attack.dos=" + list});
   CHECK(experiment.plant.attack.dos[0] == 1.0);
   CHECK(experiment.plant.attack.dos[1] == 0.0);
   CHECK(mentions(problems_of({"plant.attack.dos=[0.1, 0.2]"}), "2 numbers, must be 16"));
@@ -79,24 +91,28 @@ TEST_CASE("an estimator may believe another model than the plant's") {
 
 TEST_CASE("every problem of a scenario is told at once, with its place") {
   const std::string text =
-      problems_of({"plant.attack.dos=1.5", "plant.model.glint.variance_1=-1", "sead=3", "steps=many",
-                   "network.messages=[Sensor01, Nobody]", "estimators.secure.particles=0", "attacks.flip.action=melt"});
-  for (const char* part : {"plant.attack.dos: 1.5 must be in [0, 1]", "plant.model.glint.variance_1",
-                           "sead: unknown key", "steps: 'many' is no whole number", "Nobody", "particles", "melt"}) {
+      problems_of({"plant.attack.dos=1.5", "plant.model.glint.variance_1=-1", "sead=3",
+                   "steps=many", "network.messages=[Sensor01, Nobody]",
+                   "estimators.secure.particles=0", "attacks.flip.action=melt"});
+  for (const char* part :
+       {"plant.attack.dos: 1.5 must be in [0, 1]", "plant.model.glint.variance_1",
+        "sead: unknown key", "steps: 'many' is no whole number", "Nobody", "particles", "melt"}) {
     INFO(part << " in\n" << text);
     CHECK(mentions(text, part));
   }
   CHECK(mentions(problems_of({"estimators.neglect.name=secure"}), "is taken"));
   CHECK(mentions(problems_of({"network.sensor_bus=none"}), "both buses"));
-  CHECK(mentions(problems_of({"network.sensor_bus='socketcan:vcan0'", "network.monitor_bus='socketcan:vcan0'"}),
+  CHECK(mentions(problems_of({"network.sensor_bus='socketcan:vcan0'",
+                              "network.monitor_bus='socketcan:vcan0'"}),
                  "circles"));
   CHECK(mentions(problems_of({"holdfast=2"}), "holdfast: 2 must be in [1, 1]"));
 }
 
 TEST_CASE("an unknown estimator is told with those that there are") {
   const Experiment experiment = load_experiment(scenario("binary_tracking"));
-  CHECK_THROWS_WITH(experiment.estimator("secur"),
-                    "no estimator 'secur' in scenario binary_tracking; it has: secure, neglect, uncorrupted");
+  CHECK_THROWS_WITH(
+      experiment.estimator("secur"),
+      "no estimator 'secur' in scenario binary_tracking; it has: secure, neglect, uncorrupted");
 }
 
 }  // namespace holdfast

@@ -1,0 +1,94 @@
+#include "tools/attacker_process.h"
+
+#include <iostream>
+
+#include "attacker/attack_messages.h"
+#include "common/clock.h"
+
+namespace holdfast {
+namespace {
+
+constexpr int kReadsPerClock = 16;
+constexpr std::int64_t kTurnMax_ns = 50'000'000;
+
+}  // namespace
+
+AttackerProcess::AttackerProcess(const Experiment& experiment, const std::string& to_url,
+                                 LcmLink* link)
+    : experiment_(experiment), link_(link), core_(experiment.make_proxy(0)) {
+  if (link_ == nullptr) return;
+  status_.emplace(*link_, "attacker");
+  if (experiment.record_frames)
+    sent_record_.emplace(*link_, "CAN_TX", to_url, experiment.model.step_s);
+}
+
+void AttackerProcess::remark(const std::string& text) {
+  if (status_) {
+    status_->remark(text);
+  } else {
+    std::cerr << "holdfast attacker: " << text << std::endl;
+  }
+}
+
+void AttackerProcess::set_state(ProcessState state) {
+  if (status_) status_->set_state(state);
+}
+
+void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
+  // Bounded in time, so that timers, signals and the other bus get their turn. The clock is asked
+  // for now and then only: in a guest kernel that costs as much as a read.
+  const std::int64_t started_ns = monotonic_time_ns();
+  for (int reads = 1;; ++reads) {
+    if (reads % kReadsPerClock == 0 && monotonic_time_ns() - started_ns > kTurnMax_ns) return;
+    const std::size_t count = from.read_waiting(batch_);
+    out_.clear();
+    records_.clear();
+    for (std::size_t i = 0; i < count && !is_finished(); ++i)
+      core_.on_frame(batch_[i], out_, records_);
+    if (!out_.empty()) to.write(out_);
+    if (link_ != nullptr) record();
+    if (count == 0 || is_finished()) return;
+  }
+}
+
+void AttackerProcess::record() {
+  for (const AttackRecord& touched : records_) {
+    to_message(touched, core_.rules(), experiment_.model.step_s, attack_frame_);
+    link_->publish("ATTACK_FRAME", attack_frame_);
+  }
+  if (sent_record_) {
+    for (const CanFrame& frame : out_) sent_record_->add(frame, core_.current_step());
+  }
+  if (core_.current_step() == recorded_step_) return;
+  status_->set_state(ProcessState::kRunning);
+  flush_record();
+}
+
+void AttackerProcess::flush_record() {
+  if (sent_record_) sent_record_->flush(core_.current_step());
+  recorded_step_ = core_.current_step();
+}
+
+void AttackerProcess::publish_status(CanBus& from, CanBus& to) {
+  if (!status_) return;
+  const ProxyCounters& frames = core_.counters();
+  const BusCounters rx = from.counters(), tx = to.counters();
+  const std::pair<const char*, std::int64_t> values[] = {
+      {"received", frames.received},
+      {"sent", frames.sent},
+      {"passed", frames.passed},
+      {"altered", frames.altered},
+      {"dropped", frames.dropped},
+      {"injected", frames.injected},
+      {"odd_ticks", frames.odd_ticks},
+      {"bus_kernel_dropped", rx.kernel_dropped},
+      {"bus_refused", rx.refused},
+      {"bus_write_dropped", tx.write_dropped},
+      {"bus_error_frames", rx.error_frames + tx.error_frames},
+      {"bus_times_down", rx.times_down + tx.times_down}};
+  for (const auto& [name, value] : values) status_->counter(name) = value;
+  status_->set_step(core_.current_step() - 1);
+  status_->publish();
+}
+
+}  // namespace holdfast

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <array>
+#include <holdfast/attack_frame_t.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/status.h"
+#include "drivers/can/can_bus.h"
+#include "tools/experiment.h"
+#include "tools/frame_record.h"
+
+namespace holdfast {
+
+/// What holdfast-attacker does: frames from the sensor-side to the monitor-side bus, truth to LCM.
+class AttackerProcess {
+ public:
+  /// link: null forwards without any record or status.
+  AttackerProcess(const Experiment& experiment, const std::string& to_url, LcmLink* link);
+
+  void remark(const std::string& text);
+  void set_state(ProcessState state);
+  bool is_finished() const { return core_.current_step() > experiment_.num_steps; }
+
+  /// Forwards all that has arrived.
+  void on_readable(CanBus& from, CanBus& to);
+  void publish_status(CanBus& from, CanBus& to);
+  void flush_record();
+
+ private:
+  void record();
+
+  const Experiment& experiment_;
+  LcmLink* link_;
+  std::optional<StatusReporter> status_;
+  std::optional<FrameRecord> sent_record_;
+  ProxyCore core_;
+  std::array<CanFrame, 64> batch_;
+  std::vector<CanFrame> out_;
+  std::vector<AttackRecord> records_;
+  std::int64_t recorded_step_ = 1;
+  attack_frame_t attack_frame_;
+};
+
+}  // namespace holdfast

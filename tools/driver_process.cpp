@@ -1,0 +1,66 @@
+#include "tools/driver_process.h"
+
+#include "common/measurement_messages.h"
+
+namespace holdfast {
+
+DriverProcess::DriverProcess(const Experiment& experiment, LcmLink& link,
+                             const std::string& bus_url)
+    : experiment_(experiment),
+      link_(link),
+      status_(link, "driver"),
+      codec_(experiment.layout),
+      assembler_(codec_, experiment.assembler),
+      radio_(experiment.make_radio_channel(0)),
+      record_(link, "CAN_RX", bus_url, experiment.model.step_s) {}
+
+void DriverProcess::on_readable(CanBus& bus) {
+  for (;;) {
+    const std::size_t count = bus.read(batch_);
+    for (std::size_t i = 0; i < count && !is_finished(); ++i) {
+      if (experiment_.record_frames) record_.add(batch_[i], assembler_.current_step());
+      const MeasurementSet* closed = assembler_.on_frame(batch_[i]);
+      if (closed != nullptr) publish(*closed);
+    }
+    if (count < batch_.size() || is_finished()) return;
+  }
+}
+
+void DriverProcess::close_step() {
+  const MeasurementSet* closed = assembler_.close_step();
+  if (closed != nullptr) publish(*closed);
+}
+
+void DriverProcess::publish(const MeasurementSet& closed) {
+  status_.set_state(ProcessState::kRunning);
+  set_ = closed;
+  if (radio_) radio_->apply(set_);
+  to_message(set_, measurement_);
+  link_.publish("MEASUREMENT", measurement_);
+  flush_record();
+}
+
+void DriverProcess::publish_status(CanBus& bus) {
+  const AssemblerCounters& frames = assembler_.counters();
+  const BusCounters& counters = bus.counters();
+  const std::pair<const char*, std::int64_t> values[] = {
+      {"frames", frames.frames},
+      {"packets", frames.packets},
+      {"unknown", frames.unknown},
+      {"wrong_format", frames.wrong_format},
+      {"non_finite", frames.non_finite},
+      {"wrong_counter", frames.wrong_counter},
+      {"ticks", frames.ticks},
+      {"odd_ticks", frames.odd_ticks},
+      {"after_end", frames.after_end},
+      {"sets", frames.sets},
+      {"bus_kernel_dropped", counters.kernel_dropped},
+      {"bus_refused", counters.refused},
+      {"bus_error_frames", counters.error_frames},
+      {"bus_times_down", counters.times_down}};
+  for (const auto& [name, value] : values) status_.counter(name) = value;
+  status_.set_step(assembler_.current_step() - 1);
+  status_.publish();
+}
+
+}  // namespace holdfast

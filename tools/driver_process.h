@@ -1,0 +1,46 @@
+#pragma once
+
+#include <array>
+#include <holdfast/measurement_set_t.hpp>
+#include <memory>
+#include <string>
+
+#include "common/status.h"
+#include "drivers/can/can_bus.h"
+#include "tools/experiment.h"
+#include "tools/frame_record.h"
+
+namespace holdfast {
+
+/// What holdfast-can-driver does: frames of the monitor-side bus in, measurement sets out.
+class DriverProcess {
+ public:
+  DriverProcess(const Experiment& experiment, LcmLink& link, const std::string& bus_url);
+
+  StatusReporter& status() { return status_; }
+  bool is_finished() const { return assembler_.is_finished(); }
+
+  /// Reads all that has arrived.
+  void on_readable(CanBus& bus);
+  /// Closes the step by the driver's own clock.
+  void close_step();
+  void publish_status(CanBus& bus);
+  /// Publishes the record of frames that came after the last closed step.
+  void flush_record() { record_.flush(assembler_.current_step()); }
+
+ private:
+  void publish(const MeasurementSet& closed);
+
+  const Experiment& experiment_;
+  LcmLink& link_;
+  StatusReporter status_;
+  FrameCodec codec_;
+  MeasurementAssembler assembler_;
+  std::unique_ptr<RadioChannel> radio_;
+  FrameRecord record_;
+  std::array<CanFrame, 64> batch_;
+  MeasurementSet set_;
+  measurement_set_t measurement_;
+};
+
+}  // namespace holdfast

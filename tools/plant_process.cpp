@@ -1,0 +1,69 @@
+#include "tools/plant_process.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/measurement_messages.h"
+#include "plant/truth_messages.h"
+
+namespace holdfast {
+
+PlantProcess::PlantProcess(const Experiment& experiment, CanBus* bus, LcmLink& link)
+    : experiment_(experiment),
+      bus_(bus),
+      link_(link),
+      status_(link, "plant"),
+      plant_(experiment.make_plant(0)),
+      codec_(experiment.layout),
+      assembler_(codec_, experiment.assembler),
+      radio_(experiment.make_radio_channel(0)) {}
+
+bool PlantProcess::advance() {
+  const PlantStep& step = plant_->advance();
+  publish_truth(step);
+  frames_.clear();
+  for (std::size_t s = 0; s < step.readings.size(); ++s) {
+    frames_.push_back(codec_.encode(static_cast<int>(s), step.readings[s], step.step));
+  }
+  frames_.push_back(codec_.encode_tick(step.step));
+  if (bus_ != nullptr) {
+    send();
+  } else {
+    publish_measurements();
+  }
+  status_.set_step(step.step);
+  return step.step < experiment_.num_steps;
+}
+
+void PlantProcess::publish_truth(const PlantStep& step) {
+  const std::int64_t utime =
+      std::llround(static_cast<double>(step.step) * experiment_.model.step_s * 1e6);
+  to_message(step, utime, truth_);
+  link_.publish("PLANT_TRUTH", truth_);
+  for (const AttackSignal& signal : step.attack_signals) {
+    const auto is_zero = [](double value) { return value == 0.0; };
+    if (std::all_of(signal.value.begin(), signal.value.end(), is_zero)) continue;
+    to_message(signal, step.step, utime, attack_signal_);
+    link_.publish("ATTACK_SIGNAL", attack_signal_);
+  }
+}
+
+void PlantProcess::send() {
+  status_.counter("frames_sent") += static_cast<std::int64_t>(bus_->write(frames_));
+  const BusCounters& bus = bus_->counters();
+  status_.counter("bus_write_dropped") = bus.write_dropped;
+  status_.counter("bus_times_down") = bus.times_down;
+}
+
+void PlantProcess::publish_measurements() {
+  for (const CanFrame& frame : frames_) {
+    const MeasurementSet* closed = assembler_.on_frame(frame);
+    if (closed == nullptr) continue;
+    MeasurementSet set = *closed;
+    if (radio_) radio_->apply(set);
+    to_message(set, measurement_);
+    link_.publish("MEASUREMENT", measurement_);
+  }
+}
+
+}  // namespace holdfast

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <holdfast/attack_signal_t.hpp>
+#include <holdfast/measurement_set_t.hpp>
+#include <holdfast/truth_t.hpp>
+#include <memory>
+#include <vector>
+
+#include "common/status.h"
+#include "drivers/can/can_bus.h"
+#include "tools/experiment.h"
+
+namespace holdfast {
+
+/// What holdfast-plant does in each step: truth to its own channel, frames on the bus, then the
+/// tick.
+class PlantProcess {
+ public:
+  /// bus: null publishes MEASUREMENT directly, as an unattacked bus and driver would.
+  PlantProcess(const Experiment& experiment, CanBus* bus, LcmLink& link);
+
+  StatusReporter& status() { return status_; }
+
+  /// Takes the next step; false after the last one.
+  bool advance();
+
+ private:
+  void publish_truth(const PlantStep& step);
+  void send();
+  void publish_measurements();
+
+  const Experiment& experiment_;
+  CanBus* bus_;
+  LcmLink& link_;
+  StatusReporter status_;
+  std::unique_ptr<Plant> plant_;
+  FrameCodec codec_;
+  MeasurementAssembler assembler_;
+  std::unique_ptr<RadioChannel> radio_;
+  truth_t truth_;
+  attack_signal_t attack_signal_;
+  measurement_set_t measurement_;
+  std::vector<CanFrame> frames_;
+};
+
+}  // namespace holdfast
