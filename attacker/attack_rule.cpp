@@ -71,6 +71,32 @@ void read_message_names(ConfigurationMap& map, AttackMatch& match, const FrameLa
   }
 }
 
+/// Narrows the match to messages that one of the nodes sends; a node is a sender in the DBC file.
+void read_nodes(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
+  map.read("nodes", match.nodes);
+  if (match.nodes.empty()) return;
+  for (const std::string& node : match.nodes) {
+    const auto sends = [&node](const DbcMessage& message) { return message.sender == node; };
+    if (std::none_of(layout.dbc.messages.begin(), layout.dbc.messages.end(), sends)) {
+      map.problem("nodes", "no message of the DBC file is sent by '" + node + "'");
+    }
+  }
+  const std::vector<std::string> named = std::move(match.messages);
+  match.messages.clear();
+  match.message_keys.clear();
+  for (const DbcMessage& message : layout.dbc.messages) {
+    const bool is_named =
+        named.empty() || std::find(named.begin(), named.end(), message.name) != named.end();
+    const bool is_sent =
+        std::find(match.nodes.begin(), match.nodes.end(), message.sender) != match.nodes.end();
+    if (!is_named || !is_sent || is_tick_message(layout, message)) continue;
+    match.messages.push_back(message.name);
+    match.message_keys.push_back(frame_key(message.identifier, message.is_extended));
+  }
+  if (match.messages.empty())
+    map.problem("nodes", "send none of the messages that the rule could match");
+}
+
 void read_identifier(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
   if (!map.has("identifier")) {
     for (const char* key : {"mask", "extended"}) {
@@ -102,6 +128,7 @@ void read_identifier(ConfigurationMap& map, AttackMatch& match, const FrameLayou
 Messages read_match(ConfigurationMap map, AttackRule& rule, const FrameLayout& layout) {
   AttackMatch& match = rule.match;
   read_message_names(map, match, layout);
+  read_nodes(map, match, layout);
   read_identifier(map, match, layout);
   const Messages selected = selected_messages(match, layout);
   const bool has_bound = map.has("at_least") || map.has("at_most");

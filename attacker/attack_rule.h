@@ -39,6 +39,7 @@ struct CountDistribution {
 
 /// Which frames a rule acts on; what is left out restricts nothing. The tick never matches.
 struct AttackMatch {
+  std::vector<std::string> nodes;           // senders in the DBC file; narrows `messages`
   std::vector<std::string> messages;        // by name: identifier and width of a DBC message
   std::vector<std::uint32_t> message_keys;  // frame_key() of each of them
   std::optional<std::uint32_t> identifier;  // (identifier ^ frame's) & mask == 0

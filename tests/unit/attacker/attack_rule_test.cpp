@@ -59,6 +59,26 @@ TEST_CASE("a rule is read with its defaults, and the resolved document states th
   CHECK(again.resolved_text() == resolved);
 }
 
+TEST_CASE("a rule may name the nodes whose messages it acts on") {
+  const AttackRule by_node =
+      rules_of("attacks: [{name: n, match: {nodes: [Other]}, action: drop}]")[0];
+  CHECK(by_node.match.matches_identifier(259, false));
+  CHECK(by_node.match.matches_identifier(288, false));
+  CHECK_FALSE(by_node.match.matches_identifier(257, false));
+
+  const AttackRule narrowed = rules_of(
+      "attacks: [{name: n, match: {nodes: [Other], messages: [Flag1, Flag3]}, action: drop}]")[0];
+  CHECK(narrowed.match.matches_identifier(259, false));
+  CHECK_FALSE(narrowed.match.matches_identifier(288, false));
+  CHECK_FALSE(narrowed.match.matches_identifier(257, false));
+
+  CHECK(says(problems_of("attacks: [{name: n, match: {nodes: [Nobody]}, action: drop}]"),
+             "sent by 'Nobody'"));
+  CHECK(says(
+      problems_of("attacks: [{name: n, match: {nodes: [Other], messages: [Flag1]}, action: drop}]"),
+      "none of the messages"));
+}
+
 TEST_CASE("every key of an injection and of a comparison is read") {
   const AttackRule inject = rules_of(R"(
 attacks:

@@ -17,11 +17,11 @@ BO_ 258 Flag2: 3 Node
  SG_ DETECT : 0|1@1+ (1,0) [0|1] "" Node
  SG_ STEP : 8|16@1+ (1,0) [0|65535] "" Node
 
-BO_ 259 Flag3: 3 Node
+BO_ 259 Flag3: 3 Other
  SG_ DETECT : 0|1@1+ (1,0) [0|1] "" Node
  SG_ STEP : 8|16@1+ (1,0) [0|65535] "" Node
 
-BO_ 288 Level: 8 Node
+BO_ 288 Level: 8 Other
  SG_ LEVEL : 0|32@1- (1,0) [0|0] "m" Node
  SG_ STEP : 32|16@1+ (1,0) [0|65535] "" Node
 
