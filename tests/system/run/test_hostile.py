@@ -51,11 +51,13 @@ class HostileTest(RunTest):
             can.Message(arbitration_id=sensor_id, is_extended_id=False, is_remote_frame=True, dlc=3),
             can.Message(arbitration_id=0x7F0, is_extended_id=False, data=struct.pack("<I", 90000)),    # forged tick
             can.Message(arbitration_id=0x7F0, is_extended_id=False, data=[1]),
+            can.Message(arbitration_id=0x110, is_extended_id=False, data=struct.pack("<fH", float("nan"), 1)),
+            can.Message(arbitration_id=0x110, is_extended_id=False, data=struct.pack("<fH", float("-inf"), 1)),
         ]
         for frame in frames:
             monitor.send(frame)
         # On the sensor side, identifiers of no sensor: those of a sensor would take part in its draws.
-        for frame in frames[12:14] + frames[16:]:
+        for frame in frames[12:14] + frames[16:18]:
             sensor.send(frame)
 
     def attack(self, run, stop):
@@ -78,9 +80,27 @@ class HostileTest(RunTest):
             self.rounds += 1
             stop.wait(0.05 * harness.PATIENCE)
 
+    def scenario_with_a_float(self):
+        """The tracking scenario, but the sixteenth sensor sends its bit as a float32."""
+        with open(os.path.join(harness.SOURCE, "scenarios", "binary_sensors.dbc"), encoding="utf-8") as stream:
+            dbc = stream.read()
+        head, message, tail = dbc.partition("BO_ 272 Sensor16: 3")
+        self.assertTrue(message)
+        tail = tail.replace("DETECT : 0|1@1+", "DETECT : 0|32@1-", 1).replace("STEP : 8|16@1+", "STEP : 32|16@1+", 1)
+        with open(self.path("float.dbc"), "w", encoding="utf-8") as stream:
+            stream.write(head + "BO_ 272 Sensor16: 6" + tail + "\nSIG_VALTYPE_ 272 DETECT : 1;\n")
+        with open(harness.TRACKING, encoding="utf-8") as stream:
+            text = stream.read().replace("binary_sensors.dbc", "float.dbc")
+        # A float has no lowest bit to flip: its frames stay as they are.
+        text = text.replace("Sensor15, Sensor16]}", "Sensor15]}")
+        with open(self.path("float.yaml"), "w", encoding="utf-8") as stream:
+            stream.write(text)
+        return self.path("float.yaml")
+
     def test_every_genuine_packet_stays_in_its_set(self):
         options = sets(steps=STEPS, period_s=0.03 * harness.PATIENCE)
-        run = self.start(*options)
+        scenario = self.scenario_with_a_float()
+        run = self.start(*options, scenario=scenario)
         run.wait_for_step(3)
         stop = threading.Event()
         attack = threading.Thread(target=self.attack, args=(run, stop))
@@ -93,7 +113,7 @@ class HostileTest(RunTest):
         output = self.assert_succeeds(result)
         self.assertGreater(self.rounds, 3)
 
-        self.assert_succeeds(call("campaign", harness.TRACKING, *options, "--log", self.path("clean.lcm")))
+        self.assert_succeeds(call("campaign", scenario, *options, "--log", self.path("clean.lcm")))
         self.assertEqual(readable_sets(run.log), harness.measurement_sets(self.path("clean.lcm")))
         # Numbers of frames on the bus differ, as they must; what is estimated does not.
         estimates = readable_estimates(run.log)
@@ -102,7 +122,7 @@ class HostileTest(RunTest):
         self.assertEqual(estimates, {key: clean[key] for key in estimates})
 
         counters = {p["name"]: p["counters"] for p in run.review()["processes"]}
-        for counter in ("unknown", "wrong_format", "wrong_counter", "odd_ticks"):
+        for counter in ("unknown", "wrong_format", "wrong_counter", "odd_ticks", "non_finite"):
             self.assertGreater(counters["driver"][counter], 0, counter)
         self.assertGreaterEqual(counters["driver"]["wrong_counter"], 10 * 3)
         self.assertGreater(counters["attacker"]["odd_ticks"], 0)

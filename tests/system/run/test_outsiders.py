@@ -43,6 +43,19 @@ class OutsidersTest(RunTest):
         self.assertEqual(status, 0)
         self.assertIn("kalman is an outside command", errors)
 
+    def test_a_plant_from_outside(self):
+        script = os.path.join(harness.EXAMPLES, "straight_plant.py")
+        plant = f"PYTHONPATH='{harness.PYTHON_TYPES}' {PYTHON} {script} {{lcm_url}} {{sensor_bus}} {{scenario}}"
+        run = self.start(*sets(steps=40, period_s=0.02), "--set", f"plant.command=\"{plant}\"")
+        self.assertIn("outside    plant:", run.head)
+        self.assert_succeeds(run.finish())
+        review = run.review()
+        self.assertEqual(review["truth_steps"], 40)
+        self.assertEqual(review["losses"]["sum"], 0)
+        secure = review["estimators"][0]
+        self.assertEqual((secure["name"], secure["steps"]), ("secure", 40))
+        self.assertLess(secure["rmse"]["position"]["value"], 15.0)
+
 
 if __name__ == "__main__":
     unittest.main(verbosity=2)
