@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <iostream>
 #include <optional>
@@ -17,12 +18,19 @@ struct AttackerOptions : ProgramOptions {
 };
 
 int run(const AttackerOptions& options) {
-  if (options.from == options.to)
+  const std::string from_url = canonical_bus_url(options.from),
+                    to_url = canonical_bus_url(options.to);
+  if (from_url == to_url)
     throw UsageError("--from and --to are the same bus: frames would run in circles");
   const Experiment experiment = options.load();
-  const SocketLock lock(
-      "holdfast-proxy " + options.from + " " + options.to,
-      "another holdfast-attacker already runs between " + options.from + " and " + options.to);
+  // One proxy writes to a bus, and none stands between the same two the other way round: two would
+  // hand each other's frames back and forth.
+  const auto& [first, second] = std::minmax(from_url, to_url);
+  const SocketLock pair_lock(
+      "holdfast-proxy between " + first + " " + second,
+      "another holdfast-attacker already runs between " + from_url + " and " + to_url);
+  const SocketLock write_lock("holdfast-proxy to " + to_url,
+                              "another holdfast-attacker already writes to " + to_url);
   std::optional<LcmLink> link;
   if (!options.no_record) link.emplace(options.lcm_url);
   AttackerProcess attacker(experiment, options.to, link ? &*link : nullptr);

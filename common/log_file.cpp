@@ -100,6 +100,14 @@ void LogWriter::write(const std::string& channel, std::int64_t utime,
   if (!written) throw JobError(name_ + ": cannot be written: " + std::strerror(errno));
 }
 
+void LogWriter::finish_as(const std::string& file) {
+  flush();
+  file_.reset();
+  if (std::rename(name_.c_str(), file.c_str()) != 0) {
+    throw JobError(file + ": cannot be written: " + std::strerror(errno));
+  }
+}
+
 void LogWriter::flush() {
   if (std::fflush(file_.get()) != 0) {
     throw JobError(name_ + ": cannot be written: " + std::strerror(errno));

@@ -56,6 +56,8 @@ class LogWriter {
   void write_message(const std::string& channel, std::int64_t utime, Message& message);
   /// Hands everything to the kernel; throws JobError when the disk is full.
   void flush();
+  /// Closes the file and gives it another name, replacing what stood there. Throws JobError.
+  void finish_as(const std::string& file);
 
  private:
   struct Closer {

@@ -162,8 +162,12 @@ double mean_of_first(const std::vector<double>& curve, std::size_t num_steps) {
 }
 
 CampaignResult run_campaign(const Experiment& experiment, const CampaignOptions& options) {
-  CampaignResult result{
-      experiment.name, experiment.seed, options.num_runs, experiment.num_steps, {}, 0, 0.0, 0};
+  CampaignResult result;
+  result.scenario = experiment.name;
+  result.kernel = experiment.kernel_text();
+  result.seed = experiment.seed;
+  result.num_runs = options.num_runs;
+  result.num_steps = experiment.num_steps;
   result.num_threads = options.num_threads > 0
                            ? options.num_threads
                            : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -175,6 +179,14 @@ CampaignResult run_campaign(const Experiment& experiment, const CampaignOptions&
   if (columns.empty())
     throw UsageError("scenario " + experiment.name + " has no estimator that a campaign could run");
   const auto num_runs = static_cast<std::size_t>(options.num_runs);
+  constexpr double kBytesMax = 16e9;
+  const double bytes = 8.0 * static_cast<double>(options.num_runs) *
+                       static_cast<double>(experiment.num_steps) *
+                       static_cast<double>(columns.size());
+  if (bytes > kBytesMax) {
+    throw UsageError("this campaign would keep " + std::to_string(static_cast<int>(bytes * 1e-9)) +
+                     " GB of errors; split it by --first-run and --runs");
+  }
   SquaredErrors errors{static_cast<std::size_t>(experiment.num_steps), columns.size(), {}};
   errors.values.resize(errors.num_steps * errors.num_columns * num_runs);
   std::atomic<std::int64_t> not_ok{0};
@@ -225,7 +237,7 @@ std::string to_json(const CampaignResult& result) {
   json["steps"] = result.num_steps;
   json["version"] = version_text();
   json["commit"] = commit_text();
-  json["kernel"] = particle_kernel_name();
+  json["kernel"] = result.kernel;
   json["steps_not_ok"] = result.steps_not_ok;
   for (const CampaignError& error : result.errors) {
     json["errors"].push_back({{"estimator", error.estimator},
@@ -240,9 +252,9 @@ std::string to_json(const CampaignResult& result) {
 }
 
 void write_run_log(const Experiment& experiment, std::uint32_t run, const std::string& file) {
-  LogWriter writer(file);
-  run_meta_t meta = to_message(
-      RunMeta{experiment.name, experiment.resolved, experiment.seed, run, particle_kernel_name()});
+  LogWriter writer(file + ".part");
+  run_meta_t meta = to_message(RunMeta{experiment.name, experiment.resolved, experiment.seed, run,
+                                       experiment.kernel_text()});
   writer.write_message("RUN_META", 0, meta);
   Simulation simulation(experiment, run);
   truth_t truth;
@@ -259,7 +271,7 @@ void write_run_log(const Experiment& experiment, std::uint32_t run, const std::s
       writer.write_message(channel_name("EST_", simulation.entries()[i]->name), utime, message);
     }
   }
-  writer.flush();
+  writer.finish_as(file);
 }
 
 }  // namespace holdfast

@@ -27,7 +27,7 @@ struct CampaignError {
 };
 
 struct CampaignResult {
-  std::string scenario;
+  std::string scenario, kernel;
   std::int64_t seed = 0, num_runs = 0, num_steps = 0;
   std::vector<CampaignError> errors;
   std::int64_t steps_not_ok = 0;  // outcomes other than ok and no_packets

@@ -1,5 +1,6 @@
 #include <unistd.h>
 
+#include <cstdlib>
 #include <fstream>
 #include <iostream>
 
@@ -25,6 +26,19 @@ struct ProgressLine {
   }
 };
 
+// CLI11's own checks print a range that ends in 300 digits.
+CLI::Validator whole_number(long least) {
+  const std::string what =
+      "a whole number of at least " + std::to_string(least) + " (and below 2^31)";
+  return {[least, what](std::string& text) {
+            char* end = nullptr;
+            const long value = std::strtol(text.c_str(), &end, 10);
+            const bool fits = !text.empty() && *end == '\0' && value >= least && value < (1L << 31);
+            return fits ? std::string() : "'" + text + "' is not " + what;
+          },
+          "INT"};
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -45,13 +59,15 @@ int main(int argc, char** argv) {
   options.add_scenario(app);
   auto* runs =
       app.add_option("--runs", campaign.num_runs, "Number of runs [campaign.runs of the scenario]")
-          ->check(CLI::PositiveNumber);
-  app.add_option("--first-run", campaign.first_run, "Index of the first run [0]")
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--threads", campaign.num_threads, "Threads [one per processor]")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--json", json, "Write the result, curves included, to this file");
-  auto* log_option = app.add_option("--log", log, "Write one run as an LCM log instead");
+          ->check(whole_number(1));
+  auto* first_run = app.add_option("--first-run", campaign.first_run, "Index of the first run [0]")
+                        ->check(whole_number(0));
+  auto* threads = app.add_option("--threads", campaign.num_threads, "Threads [one per processor]")
+                      ->check(whole_number(1));
+  auto* json_option =
+      app.add_option("--json", json, "Write the result, curves included, to this file");
+  auto* log_option = app.add_option("--log", log, "Write one run as an LCM log instead")
+                         ->excludes(runs, first_run, threads, json_option);
   app.add_option("--run", run, "Which run to write [0]")->needs(log_option);
   const int status = holdfast::parse_command_line(app, "holdfast-campaign", argc, argv);
   if (status >= 0) return status;

@@ -19,6 +19,7 @@ class DriverProcess {
 
   StatusReporter& status() { return status_; }
   bool is_finished() const { return assembler_.is_finished(); }
+  bool has_frames() const { return assembler_.counters().frames > 0; }
 
   /// Reads all that has arrived.
   void on_readable(CanBus& bus);

@@ -1,8 +1,11 @@
 #include "tools/experiment.h"
 
+#include <algorithm>
 #include <cctype>
 #include <filesystem>
 #include <set>
+
+#include "drivers/can/can_bus.h"
 
 namespace holdfast {
 namespace {
@@ -121,17 +124,23 @@ void read_network(ConfigurationMap map, const std::string& folder, Experiment& e
   if ((experiment.sensor_bus == "none") != (experiment.monitor_bus == "none")) {
     map.problem("monitor_bus", "'none' must stand for both buses or for neither");
   }
-  if (experiment.sensor_bus == experiment.monitor_bus && experiment.sensor_bus != "auto" &&
-      experiment.sensor_bus != "none") {
+  if (canonical_bus_url(experiment.sensor_bus) == canonical_bus_url(experiment.monitor_bus) &&
+      experiment.sensor_bus != "auto" && experiment.sensor_bus != "none") {
     map.problem("monitor_bus", "must be another bus than sensor_bus, else frames run in circles");
   }
   experiment.layout.read(map, folder);
   map.read("record_frames", experiment.record_frames);
-  std::string check = "match", close = "tick";
-  map.read_choice("counter_check", check,
-                  {{"match", std::string("match")}, {"ignore", std::string("ignore")}});
+  std::string close = "tick";
   map.read_choice("close_step", close,
                   {{"tick", std::string("tick")}, {"clock", std::string("clock")}});
+  std::string check = close == "clock" ? "ignore" : "match";
+  map.read_choice("counter_check", check,
+                  {{"match", std::string("match")}, {"ignore", std::string("ignore")}});
+  if (close == "clock" && check == "match") {
+    map.problem(
+        "counter_check",
+        "a driver that closes steps by its own clock cannot know the sensors' step: 'ignore' it");
+  }
   experiment.assembler.check_counter = check == "match";
   experiment.assembler.closed_by_tick = close == "tick";
   if (experiment.layout.messages.size() != experiment.model.num_sensors()) {
@@ -160,6 +169,13 @@ void read_groups(ConfigurationMap& root, Experiment& experiment) {
     for (const double state : states) {
       if (state != static_cast<int>(state)) map.problem("states", "must be whole numbers, from 0");
       group.states.push_back(static_cast<int>(state));
+    }
+    std::sort(states.begin(), states.end());
+    if (states.empty() || std::adjacent_find(states.begin(), states.end()) != states.end()) {
+      map.problem("states", "must name each state once, and at least one");
+    }
+    for (const StateGroup& other : experiment.state_groups) {
+      if (other.name == group.name) map.problem("name", "'" + group.name + "' is taken");
     }
     map.read("unit", group.unit);
     experiment.state_groups.push_back(std::move(group));
@@ -220,6 +236,20 @@ const EstimatorEntry& Experiment::estimator(const std::string& estimator_name) c
   for (const EstimatorEntry& entry : estimators) names += (names.empty() ? "" : ", ") + entry.name;
   throw UsageError("no estimator '" + estimator_name + "' in scenario " + name +
                    "; it has: " + names);
+}
+
+std::string Experiment::kernel_text() const {
+  std::set<std::string> kernels;
+  std::string list;
+  for (const EstimatorEntry& entry : estimators) {
+    if (entry.is_outside()) continue;
+    const std::string& asked = entry.particle_filter.kernel;
+    const std::string kernel = asked == "auto" ? particle_kernel_name() : asked;
+    kernels.insert(kernel);
+    list += (list.empty() ? "" : " ") + entry.name + "=" + kernel;
+  }
+  if (kernels.empty()) return particle_kernel_name();
+  return kernels.size() == 1 ? *kernels.begin() : list;
 }
 
 std::unique_ptr<Plant> Experiment::make_plant(std::uint32_t run) const {

@@ -62,6 +62,9 @@ struct Experiment {
   std::string resolved;  // YAML with every default written out, DBC text included
 
   bool has_bus() const { return sensor_bus != "none"; }
+  /// Numeric kernels of the estimators, for RUN_META: one name, or "name=kernel" for each when they
+  /// differ. Equal bits are promised for equal kernels only.
+  std::string kernel_text() const;
   const EstimatorEntry& estimator(const std::string& estimator_name) const;  // throws UsageError
 
   std::unique_ptr<Plant> make_plant(std::uint32_t run) const;

@@ -1,8 +1,10 @@
 #include "tools/log_replay.h"
 
+#include <filesystem>
 #include <holdfast/estimate_t.hpp>
 #include <holdfast/measurement_set_t.hpp>
 #include <holdfast/run_meta_t.hpp>
+#include <iostream>
 
 #include "common/log_file.h"
 #include "common/measurement_messages.h"
@@ -24,8 +26,16 @@ struct Replayed {
 }  // namespace
 
 void replay_log(const std::string& log_file, const std::string& out_file, const std::string& name) {
+  std::error_code error;
+  if (std::filesystem::equivalent(log_file, out_file, error)) {
+    throw UsageError(out_file + ": is the log to be read; name another file for the new one");
+  }
   const RunMeta meta = read_run_meta(log_file);
   const Experiment experiment = experiment_from_text(meta.scenario, log_file + " (RUN_META)");
+  if (const std::string kernel = experiment.kernel_text(); kernel != meta.kernel) {
+    std::cerr << "holdfast-estimator: the log was made with kernel " << meta.kernel << ", this is "
+              << kernel << ": estimates may differ in their last bits" << std::endl;
+  }
   std::vector<Replayed> replayed;
   if (!name.empty()) experiment.estimator(name);
   for (const EstimatorEntry& entry : experiment.estimators) {
@@ -40,7 +50,8 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
     throw UsageError(log_file + ": its scenario has no estimator that could be run again");
 
   LogReader reader(log_file);
-  LogWriter writer(out_file);
+  const std::string unfinished = out_file + ".part";
+  LogWriter writer(unfinished);
   run_meta_t meta_message = to_message(meta);
   writer.write_message("RUN_META", 0, meta_message);
   LogEvent event;
@@ -60,8 +71,11 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
       });
     }
   }
-  if (num_sets == 0) throw UsageError(log_file + ": holds no measurement set");
-  writer.flush();
+  if (num_sets == 0) {
+    std::filesystem::remove(unfinished);
+    throw UsageError(log_file + ": holds no measurement set");
+  }
+  writer.finish_as(out_file);
 }
 
 }  // namespace holdfast

@@ -195,8 +195,8 @@ class Legend {
 
   // Place of the next entry's mark: left end and middle height.
   PlotPoint place() const {
-    return {kLeft + kLegendColumn * (count_ % kLegendColumns),
-            top_ + kLegendRow * (count_ / kLegendColumns)};
+    const int row = count_ / kLegendColumns;
+    return {kLeft + kLegendColumn * (count_ % kLegendColumns), top_ + kLegendRow * row};
   }
   void add(const std::string& mark, const std::string& text) {
     entries_ += mark + "<text x=\"" + number(place().x + 34) + "\" y=\"" + number(place().y + 4) +
@@ -209,7 +209,10 @@ class Legend {
     add(drawn(line, colour, width, dashes), text);
   }
   const std::string& entries() const { return entries_; }
-  double height() const { return kLegendRow * ((count_ + kLegendColumns - 1) / kLegendColumns); }
+  double height() const {
+    const int num_rows = (count_ + kLegendColumns - 1) / kLegendColumns;
+    return kLegendRow * num_rows;
+  }
 
  private:
   double top_;

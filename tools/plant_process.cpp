@@ -56,14 +56,14 @@ void PlantProcess::send() {
 }
 
 void PlantProcess::publish_measurements() {
-  for (const CanFrame& frame : frames_) {
-    const MeasurementSet* closed = assembler_.on_frame(frame);
-    if (closed == nullptr) continue;
-    MeasurementSet set = *closed;
-    if (radio_) radio_->apply(set);
-    to_message(set, measurement_);
-    link_.publish("MEASUREMENT", measurement_);
-  }
+  const MeasurementSet* closed = nullptr;
+  for (const CanFrame& frame : frames_) closed = assembler_.on_frame(frame);
+  if (closed == nullptr) closed = assembler_.close_step();  // not closed by the tick
+  if (closed == nullptr) return;
+  MeasurementSet set = *closed;
+  if (radio_) radio_->apply(set);
+  to_message(set, measurement_);
+  link_.publish("MEASUREMENT", measurement_);
 }
 
 }  // namespace holdfast

@@ -18,9 +18,12 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   app.add_option("--lcm-url", options.lcm_url, "LCM URL [a free port on loopback]");
   app.add_option("--runs", options.runs_folder, "Folder for the run's folder [runs]");
+  app.add_option("--ready-timeout", options.ready_timeout_s,
+                 "Seconds in which every process must say that it is ready [30]")
+      ->check(CLI::Range(0.1, 1e6));
   app.add_option("--stall-timeout", options.stall_timeout_s,
-                 "Seconds without a new step that end the run [20]")
-      ->check(CLI::PositiveNumber);
+                 "Seconds without a new step that end the run; at least five periods [20]")
+      ->check(CLI::Range(0.1, 1e6));
   app.add_option("--i-own-this-bus", options.owned_bus,
                  "URL of a bus that is no virtual one and that you may write to");
   const int status = holdfast::parse_command_line(app, "holdfast-run", argc, argv);

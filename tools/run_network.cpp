@@ -32,10 +32,27 @@ std::string resolve_bus(const std::string& given, const std::string& vcan, bool 
   return "udp:239.74.163.2:" + std::to_string(take_port(kBusPortFirst, network.locks));
 }
 
+// A run's processes must meet on its buses, and what one sends must reach the next.
+void require_shared_bus(const std::string& key, const std::string& url) {
+  const auto has_scheme = [&url](const char* scheme) { return url.rfind(scheme, 0) == 0; };
+  if (url == "auto" || has_scheme("socketcan:") || has_scheme("udp:")) return;
+  std::string reason = "is no bus";
+  if (has_scheme("loop:")) reason = "lives within one process, and a live run has several";
+  if (has_scheme("candump:") || has_scheme("candump-write:"))
+    reason = "is a file, on which no process can answer another";
+  throw UsageError(key + ": " + url + " " + reason +
+                   "; a live run takes auto, socketcan:INTERFACE, udp:GROUP:PORT, or none for both "
+                   "buses");
+}
+
 }  // namespace
 
 RunNetwork resolve_network(const Experiment& experiment, const std::string& lcm_url) {
   RunNetwork network;
+  if (experiment.has_bus()) {
+    require_shared_bus("network.sensor_bus", experiment.sensor_bus);
+    require_shared_bus("network.monitor_bus", experiment.monitor_bus);
+  }
   network.lcm_url = lcm_url;
   if (lcm_url.empty()) {
     network.lcm_url =

@@ -17,8 +17,9 @@ struct RunNetwork {
 };
 
 /// Resolves "auto": socketcan:vcan0 and vcan1 where both are there and up, else two UDP buses on
-/// free ports of loopback. Takes a free LCM port unless lcm_url is given. Throws JobError when a
-/// bus is taken by another run.
+/// free ports of loopback. Takes a free LCM port unless lcm_url is given. Throws
+/// UsageError for a bus that processes cannot share (loop:, candump:), and JobError when a bus is
+/// taken by another run.
 RunNetwork resolve_network(const Experiment& experiment, const std::string& lcm_url);
 
 /// Listens for `seconds`; throws JobError when frames already arrive on the bus.

@@ -37,6 +37,12 @@ void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
     pass(codec_.encode(static_cast<int>(source), readings[source], step_));
   }
   pass(codec_.encode_tick(step_));
+  if (experiment_.assembler.closed_by_tick) return;
+  // Where the driver's own clock closes steps, a simulated one ticks exactly with the plant's.
+  const MeasurementSet* closed = assembler.close_step();
+  if (closed == nullptr) return;
+  set = *closed;
+  if (radio_) radio_->apply(set);
 }
 
 bool Simulation::advance() {

@@ -35,6 +35,15 @@ std::unique_ptr<CanBus> open_can_bus(const std::string& url, const BusOptions& o
                    "socketcan, udp, loop, candump and candump-write");
 }
 
+std::string canonical_bus_url(const std::string& url) {
+  if (url.rfind("udp:", 0) != 0) return url;
+  try {
+    return canonical_udp_url(url);
+  } catch (const UsageError&) {
+    return url;
+  }
+}
+
 bool is_virtual_can(const std::string& interface_name) {
   const std::string kind = network_link_kind(interface_name);
   return kind == "vcan" || kind == "vxcan";

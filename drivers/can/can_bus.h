@@ -70,6 +70,10 @@ struct BusOptions {
 /// when the bus cannot be opened.
 std::unique_ptr<CanBus> open_can_bus(const std::string& url, const BusOptions& options = {});
 
+/// One spelling for each bus, so that two URLs can be compared: numbers without leading zeros. A
+/// URL that names no bus comes back as it is.
+std::string canonical_bus_url(const std::string& url);
+
 /// True when this kernel has the interface and it is virtual CAN (vcan or vxcan).
 bool is_virtual_can(const std::string& interface_name);
 

@@ -19,20 +19,23 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
 
   EventLoop loop;
   bool is_stopped = false;
-  loop.watch_bus(*bus, [&] {
-    driver.on_readable(*bus);
-    // A recorded bus may end before the run that it holds.
-    if (driver.is_finished() || bus->at_end()) loop.stop();
-  });
   std::unique_ptr<Pacer> clock;
-  if (!experiment.assembler.closed_by_tick) {
+  // The driver's own clock starts with the first frame: nobody knows how long the sensors take.
+  const auto start_clock = [&] {
     clock = std::make_unique<Pacer>(std::max(experiment.period_s, 1e-6));
     loop.watch(clock->file_descriptor(), [&] {
       for (std::int64_t due = clock->acknowledge(); due > 0 && !driver.is_finished(); --due)
         driver.close_step();
       if (driver.is_finished()) loop.stop();
     });
-  }
+  };
+  loop.watch_bus(*bus, [&] {
+    driver.on_readable(*bus);
+    const bool has_own_clock = !experiment.assembler.closed_by_tick;
+    if (has_own_clock && !clock && driver.has_frames()) start_clock();
+    // A recorded bus may end before the run that it holds.
+    if (driver.is_finished() || bus->at_end()) loop.stop();
+  });
   loop.every(0.25, [&] { driver.publish_status(*bus); });
   loop.on_stop_signal([&] {
     is_stopped = true;

@@ -64,6 +64,13 @@ FileDescriptor open_udp_socket(const std::string& url) {
 
 }  // namespace
 
+std::string canonical_udp_url(const std::string& url) {
+  const sockaddr_in group = parse_group(url);
+  char text[INET_ADDRSTRLEN] = {};
+  inet_ntop(AF_INET, &group.sin_addr, text, sizeof text);
+  return std::string("udp:") + text + ":" + std::to_string(ntohs(group.sin_port));
+}
+
 UdpBus::UdpBus(const std::string& url, const BusOptions& options)
     : url_(url),
       options_(options),

@@ -10,6 +10,9 @@
 
 namespace holdfast {
 
+/// The URL with group and port in their usual spelling. Throws UsageError for another form.
+std::string canonical_udp_url(const std::string& url);
+
 /// A bus of UDP multicast datagrams, each one frame in the format of python-can's udp_multicast.
 ///
 /// Stays on the loopback interface, both ways, whatever the routes say; other programs must use

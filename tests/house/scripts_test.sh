@@ -1,5 +1,5 @@
 #!/bin/bash
-# scripts_test.sh with-vcan|private-network|setup|lint: checks what the scripts promise.
+# scripts_test.sh with-vcan|private-network|setup: checks what the scripts promise.
 set -u
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/../.." && pwd)
 work=$(mktemp -d)

@@ -51,6 +51,42 @@ double BinaryTargetModel::glint_distribution(double u) const {
          glint.tail_probability * upper_tail(-u, -glint.mean_2, glint.variance_2);
 }
 
+Eigen::Matrix4d BinaryTargetModel::transition() const {
+  Eigen::Matrix4d F = Eigen::Matrix4d::Identity();
+  F(0, 1) = F(2, 3) = step_s;
+  return F;
+}
+
+Eigen::Matrix4d BinaryTargetModel::process_noise() const {
+  const double t = step_s;
+  Eigen::Matrix2d axis;
+  axis << t * t * t / 3.0, t * t / 2.0, t * t / 2.0, t;
+  Eigen::Matrix4d Q = Eigen::Matrix4d::Zero();
+  Q.topLeftCorner<2, 2>() = Q.bottomRightCorner<2, 2>() = process_noise_intensity * axis;
+  return Q;
+}
+
+// A reader in any language finds the numbers in the resolved scenario. They follow from step and
+// intensity, so a file that gives others contradicts itself.
+void BinaryTargetModel::resolve_matrices(ConfigurationMap& map) const {
+  ConfigurationMap matrices = map.map("matrices");
+  for (const auto& [key, matrix] :
+       {std::pair{"F", transition()}, std::pair{"Q", process_noise()}}) {
+    std::vector<std::vector<double>> derived(4, std::vector<double>(4));
+    for (int row = 0; row < 4; ++row) {
+      for (int column = 0; column < 4; ++column) {
+        derived[static_cast<std::size_t>(row)][static_cast<std::size_t>(column)] =
+            matrix(row, column);
+      }
+    }
+    std::vector<std::vector<double>> given = derived;
+    matrices.read(key, given, 4);
+    if (given != derived) {
+      matrices.problem(key, "follows from step_s and process_noise_intensity: leave it out");
+    }
+  }
+}
+
 void BinaryTargetModel::read(ConfigurationMap map) {
   map.read("step_s", step_s, kPositive);
   map.read("process_noise_intensity", process_noise_intensity, kNonNegative);
@@ -61,6 +97,8 @@ void BinaryTargetModel::read(ConfigurationMap map) {
   map.read("reference_distance_m", reference_distance_m, kPositive);
   map.read("decay_exponent", decay_exponent, kPositive);
   map.read("threshold", threshold);
+
+  resolve_matrices(map);
 
   ConfigurationMap glint_map = map.map("glint");
   glint_map.read("tail_probability", glint.tail_probability, kProbability);

@@ -56,6 +56,9 @@ struct BinaryTargetModel {
 
   std::size_t num_sensors() const { return sensor_positions_m.size(); }
 
+  /// F and Q of eq. (1): blockdiag([1 t; 0 1]) and Xi blockdiag([t^3/3 t^2/2; t^2/2 t]), [4 x 4].
+  Eigen::Matrix4d transition() const;
+  Eigen::Matrix4d process_noise() const;
   /// F x + w with w = L n, n four standard normals in the order of the state, eq. (1).
   State propagate(const State& state, const Eigen::Vector4d& normals) const;
   /// Entries of the lower Cholesky factor of Xi [t^3/3 t^2/2; t^2/2 t], one axis: l11, l21, l22.
@@ -72,6 +75,9 @@ struct BinaryTargetModel {
 
   /// Reads the keys of one map over the values that stand; checks shapes and ranges.
   void read(ConfigurationMap map);
+
+ private:
+  void resolve_matrices(ConfigurationMap& map) const;
 };
 
 /// Reads "dos", "deception", "flip", "deception_range" over the values that stand.

@@ -1,10 +1,12 @@
 """How runs end: a killed process, Ctrl-C, wrong scenarios; the log stays readable each time."""
 import os
 import signal
+import subprocess
 import time
 import unittest
 
 import harness
+import holdfast
 from harness import RunTest, call, sets
 
 
@@ -75,6 +77,67 @@ class EndingsTest(RunTest):
         for run in (first, second):
             self.assert_succeeds(run.finish())
         self.assert_equal_logs(first.log, second.log)
+
+    def test_forged_steps_overflow_nothing_and_end_nothing(self):
+        run = self.start(*sets(steps=30, period_s=0.02 * harness.PATIENCE))
+        message = holdfast.status_t()
+        for name in ("driver", "attacker", "secure", "plant"):
+            for step in (2**63 - 1, -2**63, 2**63 - 1):
+                message.name, message.state, message.step = name, message.RUNNING, step
+                run.link.publish("STATUS_" + name.upper(), message.encode())
+        self.assert_succeeds(run.finish())
+        self.assertEqual(run.review()["truth_steps"], 30)
+
+    def test_a_slow_period_is_no_stall(self):
+        run = self.start("--stall-timeout", "0.1", *sets(steps=2, period_s=2.5))
+        self.assert_succeeds(run.finish())
+
+    def test_a_stopped_process_stalls_the_run_and_is_killed(self):
+        run = self.start("--stall-timeout", "1", *sets(steps=100, period_s=0.02 * harness.PATIENCE))
+        run.wait_for_step(3)
+        os.kill(run.pid_of("holdfast-can-driver"), signal.SIGSTOP)
+        status, _, errors = run.finish()
+        self.assertEqual(status, 1, errors)
+        self.assertRegex(errors, r"no new step for \d+ s: driver at \d+; attacker at \d+;")
+        self.assertIn("killed, as it did not stop: driver\n", errors)
+
+    def test_a_full_disk_fails_the_run_and_leaves_its_report(self):
+        # 512-byte blocks: the log outgrows them, no other file does.
+        limited = 'ulimit -f 200; trap "" XFSZ; exec "$@"'
+        command = ["sh", "-c", limited, "sh", harness.program("run"), harness.TRACKING, "--runs", self.folder]
+        done = subprocess.run([*command, *sets(steps=5000, period_s=0.005)], capture_output=True, text=True,
+                              timeout=60 * harness.PATIENCE)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertIn("log.lcm: cannot be written: File too large", done.stderr)
+        self.assertIn("RMSE", done.stdout)
+
+    def test_runs_folder_that_cannot_be(self):
+        with open(self.path("file"), "w", encoding="utf-8"):
+            pass
+        status, _, errors = call("run", harness.TRACKING, "--runs", self.path("file") + "/runs")
+        self.assertEqual(status, 1)
+        self.assertIn(self.path("file") + "/runs", errors)
+        self.assertIn("Not a directory", errors)
+        self.assertIn("name another folder by --runs", errors)
+
+    def test_buses_that_processes_cannot_share(self):
+        for url in ("loop:a", "candump:" + self.path("bus.log"), "candump-write:" + self.path("bus.log")):
+            for key in ("network.sensor_bus", "network.monitor_bus"):
+                status, _, errors = call("run", harness.TRACKING, "--runs", self.path("none"), "--set", f"{key}={url}")
+                self.assertEqual(status, 2, errors)
+                self.assertIn(f"{key}: {url} ", errors)
+        self.assertFalse(os.path.exists(self.path("none")))
+
+    def test_the_way_in_is_one_that_works(self):
+        run = self.start(*sets(steps=2))
+        if "HOLDFAST_VCAN_GUEST" in os.environ:
+            self.assertIn("inside a guest kernel", run.head)
+            self.assertIn("& candump vcan1'", run.head)
+            self.assertNotIn("nsenter", run.head)
+        else:
+            self.assertRegex(run.head, r"(?m)^look +(nsenter .* -n -t \d+ -- )?env LCM_DEFAULT_URL='\S+' scripts/spy$")
+            self.assertEqual("nsenter" in run.head, "HOLDFAST_NAMESPACE_PID" in os.environ)
+        self.assert_succeeds(run.finish())
 
     def test_wrong_scenarios(self):
         path = self.path("wrong.yaml")

@@ -3,8 +3,8 @@
 
 #include "attacker/proxy_core.h"
 #include "common/random_stream.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/catch.h"
-#include "tests/unit/attacker/allocation_count.h"
 #include "tests/unit/attacker/proxy_bench.h"
 
 using namespace holdfast;
@@ -165,7 +165,7 @@ TEST_CASE("the proxy allocates nothing once its lists have grown") {
   std::vector<AttackRecord> records;
   sent.reserve(64);
   records.reserve(64);
-  const std::int64_t before = allocation_count();
+  const std::int64_t before = holdfast::testing::allocation_count();
   for (const CanFrame& frame : frames) {
     sent.clear();
     records.clear();
@@ -174,9 +174,9 @@ TEST_CASE("the proxy allocates nothing once its lists have grown") {
     records.clear();
     if (proxy.counters().received % 16 == 0) proxy.end_step(sent, records);
   }
-  CHECK(allocation_count() == before);
+  CHECK(holdfast::testing::allocation_count() == before);
   CHECK(proxy.counters().injected > 0);
   sent.shrink_to_fit();
   sent.resize(1000);
-  CHECK(allocation_count() > before);  // negative control: the count does count
+  CHECK(holdfast::testing::allocation_count() > before);  // negative control: the count does count
 }

@@ -1,49 +1,6 @@
-// In a program of its own: it replaces operator new to count.
-
-#include <atomic>
-#include <cstdlib>
-#include <new>
-
 #include "estimators/secure_particle_filter.h"
+#include "tests/support/allocation_count.h"
 #include "tests/unit/estimators/golden_binary_pf.h"
-
-namespace {
-
-std::atomic<long> allocations{0};
-
-void* counted(std::size_t size, std::size_t alignment) {
-  ++allocations;
-  void* memory = std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
-}
-
-}  // namespace
-
-void* operator new(std::size_t size) {
-  return counted(size, alignof(std::max_align_t));
-}
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  return counted(size, static_cast<std::size_t>(alignment));
-}
-void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
-  return counted(size, alignof(std::max_align_t));
-}
-void operator delete(void* memory, const std::nothrow_t&) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::align_val_t) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
-  std::free(memory);
-}
 
 using namespace holdfast;
 using Options = SecureParticleFilterOptions;
@@ -70,15 +27,15 @@ TEST_CASE("a step allocates nothing once the filter has seen the largest set") {
       testing::add_packet(largest, 3, 0.5);
       testing::add_packet(largest, 99, 0.5);
       filter.step(1, largest, no_input);
-      const long before = allocations;
+      const std::int64_t before = testing::allocation_count();
       for (std::int64_t k = 2; k < 40; ++k) {
         filter.step(k, k % 7 == 0 ? empty : k % 2 == 0 ? largest : smaller, no_input);
       }
-      CHECK(allocations == before);
+      CHECK(testing::allocation_count() == before);
     }
   }
-  const long before = allocations;
+  const std::int64_t before = testing::allocation_count();
   const Options one;
   const SecureParticleFilter counted_one(model, {}, one, 1, 0, "pf");
-  CHECK(allocations > before);  // negative control: the counter counts
+  CHECK(testing::allocation_count() > before);  // negative control: the counter counts
 }

@@ -1,58 +1,8 @@
-#include <cstdlib>
-#include <new>
-
 #include "drivers/measurement_assembler.h"
 #include "drivers/radio_channel.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/catch.h"
 #include "tests/unit/drivers/codec/sensors_layout.h"
-
-namespace {
-
-std::size_t num_allocations = 0;
-
-void* counted(std::size_t size) noexcept {
-  ++num_allocations;
-  return std::malloc(size == 0 ? 1 : size);
-}
-
-void* counted_or_throw(std::size_t size) {
-  if (void* memory = counted(size)) return memory;
-  throw std::bad_alloc();
-}
-
-}  // namespace
-
-// Every form, so that a sanitizer's own never meets ours.
-void* operator new(std::size_t size) {
-  return counted_or_throw(size);
-}
-void* operator new[](std::size_t size) {
-  return counted_or_throw(size);
-}
-void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
-  return counted(size);
-}
-void* operator new[](std::size_t size, const std::nothrow_t&) noexcept {
-  return counted(size);
-}
-void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-void operator delete(void* memory, const std::nothrow_t&) noexcept {
-  std::free(memory);
-}
-void operator delete[](void* memory, const std::nothrow_t&) noexcept {
-  std::free(memory);
-}
 
 namespace holdfast {
 namespace {
@@ -77,13 +27,13 @@ TEST_CASE("encoding, decoding, assembling and the radio allocate nothing once wa
   run_step(1);
   run_step(2);  // the second of the two sets
   run_step(3);
-  const std::size_t before = num_allocations;
+  const std::int64_t before = testing::allocation_count();
   for (std::int64_t step = 4; step < 200; ++step) run_step(step);
-  CHECK(num_allocations == before);
+  CHECK(testing::allocation_count() == before);
   CHECK(sum != 0.0);
   // Negative control: the counter sees allocations.
   const std::vector<double> some(10);
-  CHECK(num_allocations > before);
+  CHECK(testing::allocation_count() > before);
 }
 
 }  // namespace

@@ -91,6 +91,22 @@ TEST_CASE("a scenario without a bus has no attacker") {
   while (a.advance() && b.advance()) CHECK(a.measurements().values == b.measurements().values);
 }
 
+TEST_CASE("a driver's own clock closes the same sets in a campaign as ticks do") {
+  const Experiment by_tick = small(), by_clock = small({"network.close_step=clock"});
+  Simulation a(by_tick, 0), b(by_clock, 0);
+  while (a.advance() && b.advance()) {
+    CHECK(a.measurements().packets.size() == 16);
+    CHECK(a.measurements().values == b.measurements().values);
+    CHECK(a.measurements().step == b.measurements().step);
+  }
+}
+
+TEST_CASE("a campaign that would not fit into memory is refused with what to do") {
+  CampaignOptions options;
+  options.num_runs = 1'000'000'000;
+  CHECK_THROWS_AS(run_campaign(small(), options), UsageError);
+}
+
 TEST_CASE("a dropped frame is a missing packet, not a zero") {
   const Experiment experiment =
       small({"attacks=[{name: drop, match: {messages: [Sensor01]}, action: drop}]"});

@@ -89,6 +89,42 @@ TEST_CASE("an estimator may believe another model than the plant's") {
   CHECK(experiment.model.threshold == 0.3);
 }
 
+TEST_CASE("the resolved model holds its matrices as numbers") {
+  const Experiment experiment =
+      load_experiment(scenario("binary_tracking"), {"plant.model.step_s=2"});
+  const YAML::Node matrices = YAML::Load(experiment.resolved)["plant"]["model"]["matrices"];
+  CHECK(matrices["F"][0][1].as<double>() == 2.0);
+  CHECK(matrices["F"][2][3].as<double>() == 2.0);
+  CHECK(matrices["Q"][0][0].as<double>() == Approx(0.002025 * 8.0 / 3.0).epsilon(1e-15));
+  CHECK(matrices["Q"][1][0].as<double>() == Approx(0.002025 * 2.0).epsilon(1e-15));
+  CHECK(matrices["Q"][0][2].as<double>() == 0.0);
+  CHECK(mentions(
+      problems_of(
+          {"plant.model.matrices.F=[[1, 9, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]]"}),
+      "follows from step_s"));
+}
+
+TEST_CASE("the kernels of the estimators are told as they are") {
+  CHECK(load_experiment(scenario("binary_tracking")).kernel_text() == particle_kernel_name());
+  CHECK(load_experiment(scenario("binary_tracking"),
+                        {"estimators.secure.kernel=portable", "estimators.neglect.kernel=portable",
+                         "estimators.uncorrupted.kernel=portable"})
+            .kernel_text() == "portable");
+  if (std::string(particle_kernel_name()) == "portable") return;
+  const std::string mixed =
+      load_experiment(scenario("binary_tracking"), {"estimators.secure.kernel=portable"})
+          .kernel_text();
+  CHECK(mentions(mixed, "secure=portable"));
+  CHECK(mentions(mixed, std::string("neglect=") + particle_kernel_name()));
+}
+
+TEST_CASE("a clock of the driver's own goes without the sensors' counters") {
+  CHECK_FALSE(load_experiment(scenario("binary_tracking"), {"network.close_step=clock"})
+                  .assembler.check_counter);
+  CHECK(mentions(problems_of({"network.close_step=clock", "network.counter_check=match"}),
+                 "own clock"));
+}
+
 TEST_CASE("every problem of a scenario is told at once, with its place") {
   const std::string text =
       problems_of({"plant.attack.dos=1.5", "plant.model.glint.variance_1=-1", "sead=3",
@@ -105,6 +141,14 @@ TEST_CASE("every problem of a scenario is told at once, with its place") {
   CHECK(mentions(problems_of({"network.sensor_bus='socketcan:vcan0'",
                               "network.monitor_bus='socketcan:vcan0'"}),
                  "circles"));
+  CHECK(mentions(problems_of({"network.sensor_bus='udp:239.1.2.3:5001'",
+                              "network.monitor_bus='udp:239.1.2.3:05001'"}),
+                 "circles"));
+  CHECK(mentions(problems_of({"state_groups=[{name: a, states: []}]"}), "at least one"));
+  CHECK(mentions(problems_of({"state_groups=[{name: a, states: [1, 1]}]"}), "once"));
+  CHECK(mentions(problems_of({"state_groups=[{name: a, states: [1]}, {name: a, states: [2]}]"}),
+                 "is taken"));
+  CHECK(mentions(problems_of({"estimators.neglect.name=plant"}), "another process"));
   CHECK(mentions(problems_of({"holdfast=2"}), "holdfast: 2 must be in [1, 1]"));
 }
 
