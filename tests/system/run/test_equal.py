@@ -62,6 +62,7 @@ class EqualTest(RunTest):
         run = self.start(*calm)
         self.assert_succeeds(run.finish())
         bare = harness.Run(self.path("bare"), *calm, *sets(network__sensor_bus="none", network__monitor_bus="none"))
+        self.addCleanup(bare.link.close)
         self.assert_succeeds(bare.finish())
         self.assert_equal_logs(run.log, bare.log)
 

@@ -42,6 +42,7 @@ class ForeignTest(RunTest):
         self.assertTrue(all(label[1] == "4" for label in foreign))
 
         calm = harness.Run(self.path("calm"), *options)
+        self.addCleanup(calm.link.close)
         self.assert_succeeds(calm.finish())
         self.assertEqual([label for label in self.labels(run.log) if label[2] != "foreign"], self.labels(calm.log))
 
