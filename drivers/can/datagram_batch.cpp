@@ -54,6 +54,20 @@ int ReceiveBatch::receive(int fd, std::size_t num_max, bool is_waiting) {
   return result;
 }
 
+int ReceiveBatch::receive_one(int fd) {
+  ssize_t result = 0;
+  do {
+    result = recv(fd, data_.data(), bytes_max_, MSG_TRUNC);
+  } while (result < 0 && errno == EINTR);
+  if (result < 0) return -errno;
+  // With MSG_TRUNC the length is the datagram's own, which may be more than was kept.
+  const auto length = static_cast<std::size_t>(result);
+  headers_[0].msg_len = static_cast<unsigned>(std::min(length, bytes_max_));
+  headers_[0].msg_hdr.msg_flags = length > bytes_max_ ? MSG_TRUNC : 0;
+  times_ns_[0] = 0;
+  return 1;
+}
+
 std::span<const std::uint8_t> ReceiveBatch::bytes(std::size_t i) const {
   return {data_.data() + i * bytes_max_, headers_[i].msg_len};
 }

@@ -23,6 +23,10 @@ class ReceiveBatch {
   /// waits). is_waiting: waits for the first one as long as the socket's SO_RCVTIMEO.
   int receive(int fd, std::size_t num_max, bool is_waiting = false);
 
+  /// Waits for one datagram, as long as the socket's SO_RCVTIMEO, by the kernel's shortest way: no
+  /// stamp, no drop count. Returns 1 or -errno.
+  int receive_one(int fd);
+
   std::span<const std::uint8_t> bytes(std::size_t i) const;
   bool is_cut(std::size_t i) const { return (headers_[i].msg_hdr.msg_flags & MSG_TRUNC) != 0; }
   /// Wall clock, nanoseconds; 0 when the kernel gave no stamp.

@@ -208,7 +208,15 @@ std::size_t SocketCanBus::read_frames(std::span<CanFrame> frames, bool is_waitin
   std::size_t num_read = 0;
   while (num_read < frames.size() && !at_end_) {
     const std::size_t wanted = std::min(frames.size() - num_read, kBatchMax);
-    const int result = received_.receive(socket_.get(), wanted, is_waiting && num_read == 0);
+    const bool waits = is_waiting && num_read == 0;
+    const bool takes_one = waits && singles_left_ > 0;
+    const int result = takes_one ? received_.receive_one(socket_.get())
+                                 : received_.receive(socket_.get(), wanted, waits);
+    // Where frames come one by one, most are taken by the shorter call; the longer one between them
+    // sees when they begin to queue.
+    if (takes_one) --singles_left_;
+    if (waits && !takes_one)
+      singles_left_ = result == 1 && !options_.wants_receive_times ? kSinglesMax : 0;
     if (result <= 0) {
       on_read_error(-result);
       break;
@@ -217,7 +225,7 @@ std::size_t SocketCanBus::read_frames(std::span<CanFrame> frames, bool is_waitin
     for (std::size_t i = 0; i < num_received; ++i) {
       if (take(i, frames[num_read])) ++num_read;
     }
-    if (num_received < wanted) break;
+    if (num_received < wanted || takes_one) break;
   }
   counters_.read += static_cast<std::int64_t>(num_read);
   return num_read;

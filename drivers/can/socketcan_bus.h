@@ -85,6 +85,8 @@ class SocketCanBus : public CanBus {
   bool is_bus_off_ = false;
   bool at_end_ = false;
   bool told_mtu_ = false;
+  static constexpr int kSinglesMax = 7;
+  int singles_left_ = 0;
   std::string last_error_text_;
   ReceiveBatch received_;
   SendBatch sending_;
