@@ -1,0 +1,24 @@
+"""One seed over kernel CAN and over the UDP bus: the same estimates, log against log. Needs vcan0 and vcan1."""
+import unittest
+
+import harness
+from harness import RunTest, sets
+
+
+class BothBusesTest(RunTest):
+    def run_over(self, folder, sensor_bus, monitor_bus):
+        run = harness.Run(self.path(folder), *sets(steps=40, period_s=0.02, network__sensor_bus=sensor_bus,
+                                                   network__monitor_bus=monitor_bus))
+        self.addCleanup(run.link.close)
+        self.assert_succeeds(run.finish())
+        self.assertEqual((run.sensor_bus, run.monitor_bus), (sensor_bus, monitor_bus))
+        return run.log
+
+    def test_kernel_can_and_udp_agree_to_the_bit(self):
+        over_can = self.run_over("can", "socketcan:vcan0", "socketcan:vcan1")
+        over_udp = self.run_over("udp", "udp:239.74.163.2:44201", "udp:239.74.163.2:44202")
+        self.assert_equal_logs(over_can, over_udp)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
