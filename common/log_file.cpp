@@ -96,7 +96,8 @@ void LogWriter::write(const std::string& channel, std::int64_t utime,
   const bool written =
       std::fwrite(header.data(), 1, kHeaderBytes, file_.get()) == kHeaderBytes &&
       std::fwrite(channel.data(), 1, channel.size(), file_.get()) == channel.size() &&
-      std::fwrite(data.data(), 1, data.size(), file_.get()) == data.size();
+      // An empty vector has no address to pass on.
+      (data.empty() || std::fwrite(data.data(), 1, data.size(), file_.get()) == data.size());
   if (!written) throw JobError(name_ + ": cannot be written: " + std::strerror(errno));
 }
 
