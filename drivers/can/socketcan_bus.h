@@ -85,7 +85,7 @@ class SocketCanBus : public CanBus {
   bool is_bus_off_ = false;
   bool at_end_ = false;
   bool told_mtu_ = false;
-  static constexpr int kSinglesMax = 7;
+  static constexpr int kSinglesMax = 15;
   int singles_left_ = 0;
   std::string last_error_text_;
   ReceiveBatch received_;
