@@ -34,6 +34,15 @@ def call(name, *arguments):
     return done.returncode, done.stdout, done.stderr
 
 
+def is_running(pid):
+    """True while the process is there and not merely waiting to be collected."""
+    try:
+        with open(f"/proc/{pid}/stat", encoding="utf-8") as stream:
+            return stream.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 def sets(**values):
     """--set arguments; a double underscore stands for a dot."""
     return [part for key, value in values.items() for part in ("--set", f"{key.replace('__', '.')}={value}")]

@@ -7,15 +7,7 @@ import unittest
 
 import harness
 import holdfast
-from harness import RunTest, call, sets
-
-
-def is_running(pid):
-    try:
-        with open(f"/proc/{pid}/stat", encoding="utf-8") as stream:
-            return stream.read().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
+from harness import RunTest, call, is_running, sets
 
 
 class EndingsTest(RunTest):

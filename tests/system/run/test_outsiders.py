@@ -5,7 +5,7 @@ import time
 import unittest
 
 import harness
-from harness import RunTest, call, sets
+from harness import RunTest, call, is_running, sets
 
 PYTHON = os.environ["HOLDFAST_SYSTEM_PYTHON"]
 
@@ -37,14 +37,6 @@ while done < int(steps):
         link.publish("EST_" + name.upper(), message.encode())
         done += 1
 """
-
-
-def is_running(pid):
-    try:
-        with open(f"/proc/{pid}/stat", encoding="utf-8") as stream:
-            return stream.read().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 class OutsidersTest(RunTest):
