@@ -65,6 +65,8 @@ void to_message(const Estimate& estimate, estimate_t& message) {
   message.packet_rx_index.assign(estimate.packet_rx_index.begin(), estimate.packet_rx_index.end());
   message.packet_probability = estimate.packet_probability;
   put(estimate.innovation, message.num_innovation, message.innovation);
+  put(estimate.innovation_covariance, message.num_innovation_covariance,
+      message.innovation_covariance);
 }
 
 void from_message(const estimate_t& message, Estimate& estimate) {
@@ -98,6 +100,7 @@ void from_message(const estimate_t& message, Estimate& estimate) {
   estimate.packet_rx_index.assign(message.packet_rx_index.begin(), message.packet_rx_index.end());
   estimate.packet_probability = message.packet_probability;
   take(message.innovation, estimate.innovation);
+  take(message.innovation_covariance, message.innovation.size(), estimate.innovation_covariance);
 }
 
 }  // namespace holdfast

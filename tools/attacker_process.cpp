@@ -10,7 +10,7 @@ namespace holdfast {
 namespace {
 
 constexpr int kReadsPerLook = 16, kReadsPerLookMax = 64;
-constexpr std::int64_t kTurnMax_ns = 50'000'000;
+constexpr std::int64_t kTurnMax_ns = 100'000'000;
 
 }  // namespace
 
@@ -40,19 +40,20 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
   // rarely, and more rarely while frames are quick: in a guest kernel it costs as much as a read.
   const std::int64_t started_ns = monotonic_time_ns();
   int next_look = kReadsPerLook;
+  bool is_last = false;
   for (int reads = 1;; ++reads) {
     if (reads == next_look) {
-      if (monotonic_time_ns() - started_ns > kTurnMax_ns) return;
+      is_last = monotonic_time_ns() - started_ns > kTurnMax_ns;
       next_look += std::min(reads, kReadsPerLookMax);
     }
-    const std::size_t count = from.read_waiting(batch_);
+    const std::size_t count = is_last ? from.read(batch_) : from.read_waiting(batch_);
     out_.clear();
     records_.clear();
     for (std::size_t i = 0; i < count && !is_finished(); ++i)
       core_.on_frame(batch_[i], out_, records_);
     if (!out_.empty()) to.write(out_);
     if (link_ != nullptr) record();
-    if (count == 0 || is_finished()) return;
+    if (count == 0 || is_last || is_finished()) return;
   }
 }
 

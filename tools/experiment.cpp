@@ -156,7 +156,7 @@ void read_groups(ConfigurationMap& root, Experiment& experiment) {
       BinaryTargetPlant(experiment.model, experiment.plant, 0, 0).state_names();
   root.read("state_names", experiment.state_names);
   if (!root.has("state_groups")) {
-    experiment.state_groups = {{"position", {0, 2}, "m"}, {"velocity", {1, 3}, "m/s"}};
+    experiment.state_groups = {{"position", {0, 2}, "m", 20.0}, {"velocity", {1, 3}, "m/s", 0.0}};
   }
   for (ConfigurationMap& map : root.maps("state_groups")) {
     StateGroup group;
@@ -178,6 +178,7 @@ void read_groups(ConfigurationMap& root, Experiment& experiment) {
       if (other.name == group.name) map.problem("name", "'" + group.name + "' is taken");
     }
     map.read("unit", group.unit);
+    map.read("lost_above", group.lost_above, kNonNegative);
     experiment.state_groups.push_back(std::move(group));
   }
   YAML::Node list(YAML::NodeType::Sequence);
@@ -187,6 +188,7 @@ void read_groups(ConfigurationMap& root, Experiment& experiment) {
     node["states"] = group.states;
     node["states"].SetStyle(YAML::EmitterStyle::Flow);
     node["unit"] = group.unit;
+    node["lost_above"] = group.lost_above;
     list.push_back(node);
   }
   root.resolve("state_groups", list);

@@ -13,6 +13,7 @@
 #include "estimators/estimator.h"
 #include "estimators/secure_particle_filter.h"
 #include "plant/binary_target_plant.h"
+#include "tools/metrics/run_scores.h"
 
 namespace holdfast {
 
@@ -28,13 +29,6 @@ struct EstimatorEntry {
   SecureParticleFilterOptions particle_filter;
 
   bool is_outside() const { return !command.empty(); }
-};
-
-/// States whose error is one number in every table.
-struct StateGroup {
-  std::string name;
-  std::vector<int> states;
-  std::string unit;
 };
 
 /// A scenario, read and checked: everything that a program needs to build its part.

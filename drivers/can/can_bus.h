@@ -37,6 +37,7 @@ class CanBus {
 
   /// Like read(), but where the bus can, waits for the first frame, up to kReadWait_s: spares a
   /// program that forwards as fast as it can the detour through its loop. Elsewhere: read().
+  /// Until it returns 0 or read() is called, file_descriptor() may not tell of frames.
   virtual std::size_t read_waiting(std::span<CanFrame> frames) { return read(frames); }
   static constexpr double kReadWait_s = 0.02;
 

@@ -151,6 +151,16 @@ void SocketCanBus::watch(int fd) {
   }
 }
 
+void SocketCanBus::set_lingering(bool is_lingering) {
+  if (is_lingering == is_lingering_ || at_end_) return;
+  is_lingering_ = is_lingering;
+  if (is_lingering) {
+    epoll_ctl(wake_.get(), EPOLL_CTL_DEL, socket_.get(), nullptr);
+  } else {
+    watch(socket_.get());
+  }
+}
+
 bool SocketCanBus::may_write_to_interface() const {
   return options_.owned_url == "socketcan:" + name_ || is_virtual_can(name_);
 }
@@ -205,6 +215,7 @@ void SocketCanBus::set_state(State state) {
 }
 
 std::size_t SocketCanBus::read_frames(std::span<CanFrame> frames, bool is_waiting) {
+  set_lingering(is_waiting);
   std::size_t num_read = 0;
   while (num_read < frames.size() && !at_end_) {
     const std::size_t wanted = std::min(frames.size() - num_read, kBatchMax);
@@ -227,6 +238,7 @@ std::size_t SocketCanBus::read_frames(std::span<CanFrame> frames, bool is_waitin
     }
     if (num_received < wanted || takes_one) break;
   }
+  if (num_read == 0) set_lingering(false);
   counters_.read += static_cast<std::int64_t>(num_read);
   return num_read;
 }
@@ -266,8 +278,8 @@ void SocketCanBus::on_error_frame(const CanFrame& frame) {
 void SocketCanBus::on_read_error(int error) {
   if (!monitor_) {
     if (error == EAGAIN || at_end_) return;
+    set_lingering(true);  // a closed socketpair would wake without end
     at_end_ = true;
-    epoll_ctl(wake_.get(), EPOLL_CTL_DEL, socket_.get(), nullptr);
     return;
   }
   if (error == ENODEV || error == ENXIO) {

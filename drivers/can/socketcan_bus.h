@@ -59,6 +59,7 @@ class SocketCanBus : public CanBus {
   void open_socket();
   void prepare_socket();
   void watch(int fd);
+  void set_lingering(bool is_lingering);
   bool may_write_to_interface() const;
   void bind_to(int index);
   void check_link();
@@ -84,6 +85,7 @@ class SocketCanBus : public CanBus {
   State state_ = State::kUp;
   bool is_bus_off_ = false;
   bool at_end_ = false;
+  bool is_lingering_ = false;  // the socket is out of wake_: a frame then wakes one waiter, not two
   bool told_mtu_ = false;
   static constexpr int kSinglesMax = 15;
   int singles_left_ = 0;

@@ -32,6 +32,7 @@ class CentroidKalmanFilter:
         self.mean = numpy.array([x, speed * numpy.cos(heading), y, speed * numpy.sin(heading)])
         position, velocity = prior["position_std_m"] ** 2, prior["speed_std_mps"] ** 2
         self.covariance = numpy.diag([position, velocity, position, velocity])
+        self.innovation, self.innovation_covariance = numpy.zeros(0), numpy.zeros((0, 0))
 
     def step(self, packets):
         """packets: (sensor index, value) of every packet of the step."""
@@ -39,6 +40,7 @@ class CentroidKalmanFilter:
         self.covariance = self.F @ self.covariance @ self.F.T + self.Q
         seen = [s for s, value in packets if value > 0.25 and 0 <= s < len(self.sensors)]
         if not seen:
+            self.innovation, self.innovation_covariance = numpy.zeros(0), numpy.zeros((0, 0))
             return
         # A sensor reaches about 30 m, so one that saw the target is off by some 20 m in each axis.
         R = numpy.eye(2) * 20.0**2 / len(seen)
@@ -47,6 +49,7 @@ class CentroidKalmanFilter:
         gain = numpy.linalg.solve(S, self.H @ self.covariance).T
         self.mean = self.mean + gain @ innovation
         self.covariance = self.covariance - gain @ S @ gain.T
+        self.innovation, self.innovation_covariance = innovation, S
 
 
 def make_estimate(measurement, kalman_filter, seq):
@@ -56,6 +59,9 @@ def make_estimate(measurement, kalman_filter, seq):
     message.attack_probability, message.input_step = -1.0, -1
     message.num_states, message.mean = 4, kalman_filter.mean.tolist()
     message.num_covariance, message.covariance = 16, kalman_filter.covariance.flatten().tolist()
+    message.num_innovation, message.innovation = len(kalman_filter.innovation), kalman_filter.innovation.tolist()
+    message.innovation_covariance = kalman_filter.innovation_covariance.flatten().tolist()
+    message.num_innovation_covariance = len(message.innovation_covariance)
     return message
 
 

@@ -28,6 +28,7 @@ Estimate full_estimate() {
   estimate.packet_rx_index = {100, 102};
   estimate.packet_probability = {0.9, 0.1};
   estimate.innovation = Eigen::Vector2d(0.125, 8.0);
+  estimate.innovation_covariance = Eigen::Vector2d(2.0, 3.0).asDiagonal();
   return estimate;
 }
 
@@ -66,6 +67,7 @@ TEST_CASE("an estimate survives the message, encoded and decoded") {
   CHECK(got.packet_rx_index == sent.packet_rx_index);
   CHECK(got.packet_probability == sent.packet_probability);
   CHECK(got.innovation == sent.innovation);
+  CHECK(got.innovation_covariance == sent.innovation_covariance);
 }
 
 TEST_CASE("an estimate with nothing optional stays empty") {

@@ -1,0 +1,1 @@
+#include "tools/metrics/metrics.h"

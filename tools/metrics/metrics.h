@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "tools/metrics/run_matrix.h"
+#include "tools/metrics/run_scores.h"
+
+namespace holdfast {
+
+struct MetricsOptions {
+  std::int64_t seed = 1;             // of the bootstrap's own stream
+  int num_resamples = 400;           // of the bootstrap
+  double detection_threshold = 0.5;  // an attack is called at this attack probability or above
+  double band_probability = 0.95;    // of the chi-square bands
+  std::vector<StateGroup> groups;
+};
+
+/// One number with its standard error; NaN where it has none (a single run, no closed form).
+struct Metric {
+  std::string name;   // e.g. "rmse_step_mean"; each is defined in docs/metrics.md
+  std::string group;  // of states; empty for a metric of the whole estimator
+  std::string unit;   // empty: a share or a pure number
+  double value = 0.0;
+  double standard_error = 0.0;
+  std::int64_t count = 0;  // runs, steps or packets that went in, as docs/metrics.md says
+};
+
+/// One number at each step, with a band around it where there is one.
+struct MetricCurve {
+  std::string name, group, unit;
+  std::vector<double> value, standard_error;  // [num_steps]
+  std::vector<double> low, high;  // [num_steps] band expected of an honest filter, or empty
+};
+
+/// Receiver operating characteristic: points by rising false-alarm rate, from (0, 0) to (1, 1).
+struct RocCurve {
+  std::string name;  // "steps" or "packets"
+  std::vector<double> false_alarm_rate, detection_rate;
+  double area = 0.0;  // ties count one half
+};
+
+/// All runs of one estimator.
+struct EstimatorRuns {
+  std::string estimator;
+  std::map<std::string, RunMatrix> curves;  // by the names of RunScores
+  ScoreHistogram packets;                   // summed over runs
+  std::map<std::string, std::int64_t> outcomes;
+  const RunMatrix* is_attacked = nullptr;  // [run][step] 1 or 0; null when not known
+};
+
+struct EstimatorMetrics {
+  std::string estimator;
+  std::vector<Metric> metrics;
+  std::vector<MetricCurve> curves;
+  std::vector<RocCurve> rocs;
+  std::map<std::string, std::int64_t> outcomes;
+};
+
+/// Every metric that the runs' curves allow. The result depends on nothing but the arguments: sums
+/// run in the order of runs and steps, the bootstrap has its own stream.
+EstimatorMetrics compute_metrics(const EstimatorRuns& runs, const MetricsOptions& options);
+
+/// Difference of a metric between two estimators over the same runs (common random numbers).
+struct PairedDifference {
+  std::string estimator, reference;  // value: estimator's minus reference's
+  std::string name, group, unit;
+  double value = 0.0, standard_error = 0.0;
+};
+
+/// rmse_step_mean of each state group, both estimators resampled with the same runs.
+std::vector<PairedDifference> paired_differences(const EstimatorRuns& runs,
+                                                 const EstimatorRuns& reference,
+                                                 const MetricsOptions& options);
+
+/// One attack in one run, as a detector with this threshold sees it.
+struct DetectionEvent {
+  std::int64_t first_step = 0, last_step = 0;  // of the attack
+  std::int64_t detected_step = -1;             // -1: missed
+};
+
+/// Maximal intervals of attacked steps with their first alarm, in order. NaN probability: no alarm.
+std::vector<DetectionEvent> detection_events(std::span<const double> attack_probability,
+                                             std::span<const double> is_attacked, double threshold);
+
+}  // namespace holdfast

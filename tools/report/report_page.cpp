@@ -1,0 +1,1 @@
+#include "tools/report/report_page.h"
