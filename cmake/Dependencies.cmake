@@ -22,3 +22,22 @@ target_include_directories(holdfast_random123 SYSTEM INTERFACE ${RANDOM123_INCLU
 add_library(holdfast_msgpack INTERFACE)
 target_include_directories(holdfast_msgpack SYSTEM INTERFACE ${MSGPACK_INCLUDE_DIR})
 target_compile_definitions(holdfast_msgpack INTERFACE MSGPACK_NO_BOOST)
+
+find_package(SQLite3 REQUIRED)
+add_library(holdfast_sqlite INTERFACE)
+target_link_libraries(holdfast_sqlite INTERFACE SQLite::SQLite3)
+# Campaigns over several machines; without it they run on one.
+option(HOLDFAST_MPI "Build campaigns with MPI where there is one" ON)
+if(HOLDFAST_MPI)
+  find_package(MPI COMPONENTS C)
+endif()
+if(HOLDFAST_MPI AND MPI_C_FOUND)
+  add_library(holdfast_mpi INTERFACE)
+  target_link_libraries(holdfast_mpi INTERFACE MPI::MPI_C)
+  # Without the C++ bindings that OpenMPI once had.
+  target_compile_definitions(holdfast_mpi INTERFACE OMPI_SKIP_MPICXX=1)
+  # MPI's headers are C with casts that our warnings mind.
+  target_include_directories(holdfast_mpi SYSTEM INTERFACE ${MPI_C_INCLUDE_DIRS})
+else()
+  message(STATUS "No MPI: campaigns run on one machine (threads, --shard)")
+endif()

@@ -15,7 +15,7 @@ struct ConfigurationMap::Shared {
   std::string file_name;
   YAML::Node document;
   YAML::Node resolved{YAML::NodeType::Map};
-  std::set<std::string> known_paths;
+  std::set<std::string> known_paths, raw_paths;
   std::vector<std::pair<YAML::Mark, std::string>> problems;
   // Overrides are read as if they stood on the lines after the file's last one.
   std::vector<std::string> overrides;
@@ -53,7 +53,7 @@ struct ConfigurationMap::Shared {
         if (!seen.insert(key).second) add_problem(mark, below + ": key given twice");
         if (!known_paths.contains(below)) {
           add_problem(mark, below + ": unknown key");
-        } else {
+        } else if (!raw_paths.contains(below)) {
           report_unknown(entry.second, below);
         }
       }
@@ -314,6 +314,14 @@ ConfigurationMap ConfigurationMap::map(std::string_view key) {
   if (node.IsDefined() && !node.IsMap()) problem(key, shape(node) + " must be a map");
   if (node.IsDefined() && node.IsMap()) return {shared_, node, resolved, path(key), node.Mark()};
   return {shared_, YAML::Node(YAML::NodeType::Map), resolved, path(key), mark_};
+}
+
+YAML::Node ConfigurationMap::raw(std::string_view key) {
+  const YAML::Node node = take(key);
+  if (!node.IsDefined()) return node;
+  shared_->raw_paths.insert(path(key));
+  resolved_[std::string(key)] = node;
+  return node;
 }
 
 std::vector<ConfigurationMap> ConfigurationMap::maps(std::string_view key) {

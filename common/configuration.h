@@ -72,6 +72,9 @@ class ConfigurationMap {
   ConfigurationMap map(std::string_view key);
   /// The maps in the list below the key; none when there is none.
   std::vector<ConfigurationMap> maps(std::string_view key);
+  /// What stands below the key, as it is: for parts that no schema names. Undefined when there is
+  /// none. It goes into the resolved document unchanged.
+  YAML::Node raw(std::string_view key);
   /// True when the key holds a plain value (not a map or list); its text.
   bool scalar_text(std::string_view key, std::string& text) const;
 

@@ -222,7 +222,10 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
   experiment.rules = read_attack_rules(root, experiment.layout);
   read_estimators(root, experiment);
   read_groups(root, experiment);
-  root.map("campaign").read("runs", experiment.campaign_runs, {1.0, 1e9});
+  ConfigurationMap campaign = root.map("campaign");
+  campaign.read("runs", experiment.campaign_runs, {1.0, 1e9});
+  campaign.read("detection_threshold", experiment.detection_threshold, kProbability);
+  experiment.sweep = read_sweep(campaign, "sweep");
   document.finish();
   experiment.resolved = document.resolved_text();
   return experiment;

@@ -14,6 +14,7 @@
 #include "estimators/secure_particle_filter.h"
 #include "plant/binary_target_plant.h"
 #include "tools/metrics/run_scores.h"
+#include "tools/sweep.h"
 
 namespace holdfast {
 
@@ -52,6 +53,8 @@ struct Experiment {
   std::vector<std::string> state_names;
   std::vector<StateGroup> state_groups;
   std::int64_t campaign_runs = 100;
+  Sweep sweep;                       // of campaigns
+  double detection_threshold = 0.5;  // attack probability at which an attack is called
 
   std::string resolved;  // YAML with every default written out, DBC text included
 

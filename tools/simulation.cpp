@@ -1,5 +1,7 @@
 #include "tools/simulation.h"
 
+#include "common/clock.h"
+
 namespace holdfast {
 
 Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
@@ -55,7 +57,9 @@ bool Simulation::advance() {
   if (needs_clean_) pass_bus(truth_->clean_readings, clean_assembler_, false, clean_);
   for (std::size_t i = 0; i < estimators_.size(); ++i) {
     const bool is_clean = entries_[i]->input == EstimatorEntry::Input::kClean;
+    const std::int64_t started_ns = on_step_time ? monotonic_time_ns() : 0;
     estimates_[i] = &estimators_[i]->step(step_, is_clean ? clean_ : received_, known_input_);
+    if (on_step_time) on_step_time(i, monotonic_time_ns() - started_ns);
   }
   return true;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -13,6 +14,9 @@ class Simulation {
  public:
   /// Estimators that are outside commands are left out.
   Simulation(const Experiment& experiment, std::uint32_t run);
+
+  /// Told how long each estimator's step took, by its index and in ns. May be empty.
+  std::function<void(std::size_t, std::int64_t)> on_step_time;
 
   /// Takes the next step; false after the last one.
   bool advance();

@@ -48,6 +48,8 @@ struct EstimatorRuns {
   std::string estimator;
   std::map<std::string, RunMatrix> curves;  // by the names of RunScores
   ScoreHistogram packets;                   // summed over runs
+  std::vector<ScoreHistogram>
+      packets_of_runs;  // only for auc_packets' standard error; may be empty
   std::map<std::string, std::int64_t> outcomes;
   const RunMatrix* is_attacked = nullptr;  // [run][step] 1 or 0; null when not known
 };
@@ -60,8 +62,9 @@ struct EstimatorMetrics {
   std::map<std::string, std::int64_t> outcomes;
 };
 
-/// Every metric that the runs' curves allow. The result depends on nothing but the arguments: sums
-/// run in the order of runs and steps, the bootstrap has its own stream.
+/// Every metric that the runs' curves allow; one without any value is left out. The result depends
+/// on nothing but the arguments: sums run in the order of runs and steps, the bootstrap has its own
+/// stream. Throws std::invalid_argument when the curves differ in runs or steps.
 EstimatorMetrics compute_metrics(const EstimatorRuns& runs, const MetricsOptions& options);
 
 /// Difference of a metric between two estimators over the same runs (common random numbers).
@@ -71,18 +74,21 @@ struct PairedDifference {
   double value = 0.0, standard_error = 0.0;
 };
 
-/// rmse_step_mean of each state group, both estimators resampled with the same runs.
+/// rmse_step_mean of each state group that both have, both estimators resampled with the same runs.
+/// Throws std::invalid_argument when they differ in runs or steps.
 std::vector<PairedDifference> paired_differences(const EstimatorRuns& runs,
                                                  const EstimatorRuns& reference,
                                                  const MetricsOptions& options);
 
-/// One attack in one run, as a detector with this threshold sees it.
+/// One attack in one run, as a detector with this threshold sees it. Steps count from 1: element i
+/// of a curve is step i + 1.
 struct DetectionEvent {
   std::int64_t first_step = 0, last_step = 0;  // of the attack
   std::int64_t detected_step = -1;             // -1: missed
 };
 
-/// Maximal intervals of attacked steps with their first alarm, in order. NaN probability: no alarm.
+/// Maximal intervals of attacked steps with their first alarm, in order. NaN probability: no alarm;
+/// NaN in is_attacked: not known, so it ends an interval. The spans have one length.
 std::vector<DetectionEvent> detection_events(std::span<const double> attack_probability,
                                              std::span<const double> is_attacked, double threshold);
 

@@ -1,120 +1,203 @@
-#include "tools/campaign.h"
+#include "tools/campaign/campaign.h"
 
 #include <cmath>
+#include <filesystem>
 
 #include "tests/support/catch.h"
+#include "tests/support/temporary_folder.h"
+#include "tools/campaign/campaign_summary.h"
 #include "tools/simulation.h"
 
 namespace holdfast {
 namespace {
 
-Experiment small(std::vector<std::string> overrides = {}) {
+const std::string kScenario = std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml";
+
+CampaignPlan small_plan(std::vector<std::string> overrides = {}, const Sweep& sweep = {}) {
   overrides.insert(overrides.begin(),
                    {"steps=15", "estimators.secure.particles=100",
                     "estimators.neglect.particles=100", "estimators.uncorrupted.particles=100"});
-  return load_experiment(std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml",
-                         overrides);
+  CampaignPlan plan = load_campaign_plan(kScenario, overrides, sweep);
+  plan.num_runs = 12;
+  return plan;
 }
 
-CampaignResult run(const Experiment& experiment, int num_threads, std::int64_t first_run = 0) {
+void run(const CampaignPlan& plan, CampaignStore& store, int num_threads) {
+  ProcessGroup group;
   CampaignOptions options;
-  options.num_runs = 12;
-  options.first_run = first_run;
   options.num_threads = num_threads;
-  return run_campaign(experiment, options);
+  run_campaign(plan, store, group, options);
 }
+
+std::string aggregate(const CampaignPlan& plan, int num_threads) {
+  CampaignStore store(":memory:", plan);
+  run(plan, store, num_threads);
+  return to_json(summarise(store, {}));
+}
+
+const Sweep kFlips{{{"attacks.flip.probability", {"0", "0.2"}}}, {}};
 
 }  // namespace
 
-TEST_CASE("a campaign gives the same bits on any number of threads") {
-  const Experiment experiment = small();
-  const CampaignResult one = run(experiment, 1), three = run(experiment, 3);
-  REQUIRE(one.errors.size() == 6);
-  for (std::size_t i = 0; i < one.errors.size(); ++i) {
-    CHECK(one.errors[i].rmse_over_runs == three.errors[i].rmse_over_runs);
-    CHECK(one.errors[i].rmse_step_mean == three.errors[i].rmse_step_mean);
-    CHECK(one.errors[i].standard_error == three.errors[i].standard_error);
-  }
+TEST_CASE("a campaign gives the same bytes on any number of threads") {
+  const CampaignPlan plan = small_plan({}, kFlips);
+  const std::string one = aggregate(plan, 1);
+  CHECK(one == aggregate(plan, 3));
   // Negative control: other runs are other numbers.
-  CHECK(run(experiment, 1, 100).errors[0].rmse_step_mean != one.errors[0].rmse_step_mean);
+  CampaignPlan others = plan;
+  others.first_run = 100;
+  CHECK(one != aggregate(others, 1));
 }
 
 TEST_CASE("a campaign's curve is the root mean square over runs, done by hand") {
-  const Experiment experiment = small();
-  const CampaignResult result = run(experiment, 2);
+  const CampaignPlan plan = small_plan();
+  CampaignStore store(":memory:", plan);
+  run(plan, store, 2);
+  const CampaignSummary summary = summarise(store, {});
   std::vector<double> sum(15, 0.0);
   for (std::uint32_t r = 0; r < 12; ++r) {
-    Simulation simulation(experiment, r);
+    Simulation simulation(plan.points[0].experiment, r);
     for (std::size_t k = 0; simulation.advance(); ++k) {
       const Eigen::VectorXd error = simulation.estimates()[0]->mean - simulation.truth().state;
       sum[k] += error[0] * error[0] + error[2] * error[2];
     }
   }
-  CHECK(result.errors[0].group == "position");
-  for (std::size_t k = 0; k < sum.size(); ++k) {
-    CHECK(result.errors[0].rmse_over_runs[k] == Approx(std::sqrt(sum[k] / 12.0)).epsilon(1e-12));
-  }
+  const MetricCurve* curve =
+      find_curve(summary.points[0].estimators[0].metrics, "rmse_over_runs", "position");
+  REQUIRE(curve != nullptr);
+  for (std::size_t k = 0; k < sum.size(); ++k)
+    CHECK(curve->value[k] == Approx(std::sqrt(sum[k] / 12.0)).epsilon(1e-12));
 }
 
-TEST_CASE("progress counts every run once") {
+TEST_CASE("a campaign that was interrupted goes on, and shards merge, to the same bytes") {
+  const testing::TemporaryFolder folder;
+  const CampaignPlan plan = small_plan({}, kFlips);
+  const std::string whole = aggregate(plan, 2);
+  const std::string file = folder.file("resumed.sqlite");
+  for (const std::int64_t runs : {5, 5, 12}) {
+    CampaignPlan part = plan;
+    part.num_runs = runs;
+    CampaignStore store(file, part);
+    run(part, store, 2);
+    CHECK(store.runs().size() == static_cast<std::size_t>(2 * runs));
+  }
+  CampaignStore resumed(file);
+  CHECK(to_json(summarise(resumed, {})) == whole);
+
+  std::vector<std::string> parts;
+  for (int shard = 1; shard <= 3; ++shard) {
+    CampaignPlan part = plan;
+    part.shard = shard;
+    part.num_shards = 3;
+    parts.push_back(folder.file("shard" + std::to_string(shard)));
+    CampaignStore store(parts.back(), part);
+    run(part, store, 1);
+  }
+  parts.push_back(parts.front());  // twice the same run is once
+  merge_campaigns(parts, folder.file("merged"));
+  CampaignStore merged(folder.file("merged"));
+  CHECK(to_json(summarise(merged, {})) == whole);
+  CHECK_THROWS_AS(merge_campaigns(parts, folder.file("merged")), UsageError);
+}
+
+TEST_CASE("what was not committed is not there, and what was is whole") {
+  const testing::TemporaryFolder folder;
+  const CampaignPlan plan = small_plan();
+  const std::string file = folder.file("cut.sqlite");
+  {
+    CampaignStore store(file, plan);
+    store.add(simulate_run(plan.points[0].experiment, 0, 3));
+    store.commit();
+    store.add(simulate_run(plan.points[0].experiment, 0, 4));
+  }
+  CampaignStore store(file);
+  CHECK(store.runs() == std::set<std::pair<std::int64_t, std::int64_t>>{{0, 3}});
+}
+
+TEST_CASE("a results file takes no other campaign, and no other result for a run") {
+  const testing::TemporaryFolder folder;
+  const std::string file = folder.file("results.sqlite");
+  const CampaignPlan plan = small_plan();
+  RunResult result = simulate_run(plan.points[0].experiment, 0, 0);
+  {
+    CampaignStore store(file, plan);
+    store.add(result);
+    store.add(result);
+    result.estimators[0].scores.curves.begin()->second[3] += 1e-9;
+    CHECK_THROWS_AS(store.add(result), JobError);
+    CHECK_THROWS_AS(CampaignStore(file, plan), JobError);  // in use
+    store.commit();
+  }
+  CHECK_THROWS_AS(CampaignStore(file, small_plan({"plant.attack.dos=0.3"})), UsageError);
+  CHECK_NOTHROW(CampaignStore(file, plan));
+  CHECK_THROWS_AS(CampaignStore(kScenario), UsageError);
+  CHECK_THROWS_AS(CampaignStore(folder.file("missing")), UsageError);
+}
+
+TEST_CASE("a run's result survives its bytes") {
+  const CampaignPlan plan = small_plan();
+  const RunResult result = simulate_run(plan.points[0].experiment, 0, 7);
+  REQUIRE(result.estimators.size() == 3);
+  const std::vector<std::uint8_t> bytes = to_bytes(result);
+  CHECK(to_bytes(run_result_from(bytes)) == bytes);
+  CHECK_THROWS_AS(run_result_from(std::span(bytes).first(bytes.size() / 2)), JobError);
+
+  CampaignStore store(":memory:", plan);
+  store.add(result);
+  CHECK(to_bytes(store.read_run(0, 7)) == bytes);
+}
+
+TEST_CASE("a plan survives its bytes, and another kernel is refused") {
+  const CampaignPlan plan = small_plan({}, kFlips);
+  const CampaignPlan copy = campaign_plan_from(to_bytes(plan));
+  CHECK(copy.identity() == plan.identity());
+  CHECK(aggregate(copy, 1) == aggregate(plan, 1));
+}
+
+TEST_CASE("progress reaches the end, and tells what was there before") {
+  const CampaignPlan plan = small_plan();
+  CampaignStore store(":memory:", plan);
+  std::int64_t last = 0, earlier = -1;
   CampaignOptions options;
-  options.num_runs = 7;
   options.num_threads = 3;
-  std::vector<std::int64_t> seen;
-  options.on_progress = [&seen](std::int64_t done, std::int64_t) { seen.push_back(done); };
-  run_campaign(small(), options);
-  std::sort(seen.begin(), seen.end());
-  CHECK(seen == std::vector<std::int64_t>{1, 2, 3, 4, 5, 6, 7});
+  options.on_progress = [&](std::int64_t done, std::int64_t before, std::int64_t all) {
+    CHECK(done >= last);
+    CHECK(all == 12);
+    last = done;
+    earlier = before;
+  };
+  ProcessGroup group;
+  run_campaign(plan, store, group, options);
+  CHECK(last == 12);
+  CHECK(earlier == 0);
 }
 
 TEST_CASE("what throws in a run comes out of the campaign") {
-  Experiment experiment = small();
-  experiment.estimators[0].particle_filter.kernel = "no such kernel";
-  CHECK_THROWS_AS(run(experiment, 2), UsageError);
-}
-
-TEST_CASE("without attacks a clean and a received measurement set are the same") {
-  const Experiment experiment =
-      small({"attacks=[]", "plant.attack.dos=0", "plant.attack.deception=0"});
-  Simulation simulation(experiment, 3);
-  while (simulation.advance()) {
-    CHECK(simulation.estimates()[1]->mean ==
-          simulation.estimates()[2]->mean);  // neglect, uncorrupted
-    CHECK(simulation.attack_records().empty());
-  }
-}
-
-TEST_CASE("a scenario without a bus has no attacker") {
-  const Experiment bare = small({"network.sensor_bus=none", "network.monitor_bus=none"});
-  const Experiment calm = small({"attacks=[]"});
-  Simulation a(bare, 0), b(calm, 0);
-  while (a.advance() && b.advance()) CHECK(a.measurements().values == b.measurements().values);
-}
-
-TEST_CASE("a driver's own clock closes the same sets in a campaign as ticks do") {
-  const Experiment by_tick = small(), by_clock = small({"network.close_step=clock"});
-  Simulation a(by_tick, 0), b(by_clock, 0);
-  while (a.advance() && b.advance()) {
-    CHECK(a.measurements().packets.size() == 16);
-    CHECK(a.measurements().values == b.measurements().values);
-    CHECK(a.measurements().step == b.measurements().step);
-  }
+  CampaignPlan plan = small_plan();
+  plan.points[0].experiment.estimators[0].particle_filter.kernel = "no such kernel";
+  CampaignStore store(":memory:", plan);
+  CHECK_THROWS_AS(run(plan, store, 2), UsageError);
 }
 
 TEST_CASE("a campaign that would not fit into memory is refused with what to do") {
-  CampaignOptions options;
-  options.num_runs = 1'000'000'000;
-  CHECK_THROWS_AS(run_campaign(small(), options), UsageError);
+  CampaignPlan plan = small_plan();
+  CHECK_NOTHROW(plan.check_size());
+  plan.num_runs = 1'000'000'000;
+  CHECK_THROWS_AS(plan.check_size(), UsageError);
 }
 
-TEST_CASE("a dropped frame is a missing packet, not a zero") {
-  const Experiment experiment =
-      small({"attacks=[{name: drop, match: {messages: [Sensor01]}, action: drop}]"});
-  Simulation simulation(experiment, 0);
-  while (simulation.advance()) {
-    CHECK(simulation.measurements().packets.size() == 15);
-    for (const Packet& packet : simulation.measurements().packets) CHECK(packet.source != 0);
-  }
+TEST_CASE("estimators of one run share its random numbers: paired differences see little") {
+  const CampaignPlan plan = small_plan();
+  CampaignStore store(":memory:", plan);
+  run(plan, store, 2);
+  const PointSummary point = summarise(store, {}).points[0];
+  const auto& difference = point.estimators[1].against_first;
+  REQUIRE(difference.size() == 2);
+  const double secure =
+      find_metric(point.estimators[0].metrics, "rmse_step_mean", "position")->value;
+  const double neglect =
+      find_metric(point.estimators[1].metrics, "rmse_step_mean", "position")->value;
+  CHECK(difference[0].value == Approx(neglect - secure).epsilon(1e-12));
 }
 
 }  // namespace holdfast

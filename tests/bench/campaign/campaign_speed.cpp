@@ -1,0 +1,127 @@
+// campaign_speed [RUNS]: how much of the bare filter's speed a whole campaign keeps. Prints both,
+// side by side, in one run; the campaign simulates plant, bus and attacker, scores and stores as
+// well.
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <thread>
+#include <vector>
+
+#include "common/clock.h"
+#include "tools/campaign/campaign.h"
+#include "tools/campaign/campaign_summary.h"
+#include "tools/simulation.h"
+
+namespace holdfast {
+namespace {
+
+double seconds_since(std::int64_t started_ns) {
+  return 1e-9 * static_cast<double>(monotonic_time_ns() - started_ns);
+}
+
+// Every measurement set of some runs, so that the bare loop does nothing but filter.
+std::vector<std::vector<MeasurementSet>> record_sets(const Experiment& experiment, int num_runs) {
+  std::vector<std::vector<MeasurementSet>> runs;
+  for (int run = 0; run < num_runs; ++run) {
+    Simulation simulation(experiment, static_cast<std::uint32_t>(run));
+    auto& sets = runs.emplace_back();
+    while (simulation.advance()) sets.push_back(simulation.measurements());
+  }
+  return runs;
+}
+
+double bare_steps_per_s(const Experiment& experiment,
+                        const std::vector<std::vector<MeasurementSet>>& runs, int num_rounds) {
+  const Eigen::VectorXd no_input;
+  const std::int64_t started_ns = monotonic_time_ns();
+  double num_steps = 0.0, sum = 0.0;
+  for (int round = 0; round < num_rounds; ++round) {
+    for (std::size_t run = 0; run < runs.size(); ++run) {
+      const auto filter =
+          experiment.make_estimator(experiment.estimators[0], static_cast<std::uint32_t>(run));
+      for (const MeasurementSet& set : runs[run]) {
+        sum += filter->step(set.step, set, no_input).mean[0];
+        ++num_steps;
+      }
+    }
+  }
+  if (sum == 0.5) std::puts("");  // the sum is used, so the loop stays
+  return num_steps / seconds_since(started_ns);
+}
+
+double bare_on_all(const Experiment& experiment,
+                   const std::vector<std::vector<MeasurementSet>>& runs, int num_rounds,
+                   int num_threads) {
+  std::vector<double> rates(static_cast<std::size_t>(num_threads));
+  std::vector<std::thread> threads;
+  for (double& rate : rates)
+    threads.emplace_back([&] { rate = bare_steps_per_s(experiment, runs, num_rounds); });
+  for (std::thread& thread : threads) thread.join();
+  double sum = 0.0;
+  for (const double rate : rates) sum += rate;
+  return sum;
+}
+
+double campaign_steps_per_s(const std::string& scenario, const std::vector<std::string>& overrides,
+                            std::int64_t num_runs, int num_threads) {
+  CampaignPlan plan = load_campaign_plan(scenario, overrides, {});
+  plan.num_runs = num_runs;
+  const std::string file =
+      (std::filesystem::temp_directory_path() / "holdfast-campaign-speed.sqlite").string();
+  std::filesystem::remove(file);
+  const std::int64_t started_ns = monotonic_time_ns();
+  {
+    CampaignStore store(file, plan);
+    ProcessGroup group;
+    run_campaign(plan, store, group, {num_threads, {}});
+  }
+  const double seconds = seconds_since(started_ns);
+  std::filesystem::remove(file);
+  return static_cast<double>(num_runs * plan.points[0].experiment.num_steps) / seconds;
+}
+
+int run(std::int64_t num_runs) {
+  const std::string scenario = std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml";
+  const std::vector<std::string> overrides = {
+      "estimators=[{name: secure, method: secure_particle_filter, particles: 500, "
+      "packet_posteriors: false}]"};
+  const Experiment experiment = load_experiment(scenario, overrides);
+  const int num_cores = default_threads(ProcessGroup());
+  const auto sets = record_sets(experiment, 20);
+  const int num_rounds = static_cast<int>(std::max<std::int64_t>(1, num_runs / 40));
+  std::printf("Sec-PF, M = 500, %ld steps, %ld runs, kernel %s, %d cores\n",
+              static_cast<long>(experiment.num_steps), static_cast<long>(num_runs),
+              experiment.kernel_text().c_str(), num_cores);
+  std::printf("%-44s %12s %10s\n", "", "steps/s", "of goal's");
+  std::vector<double> one, all, campaign;
+  // Interleaved, so that a slow moment of the machine meets all alike; the best of each counts.
+  for (int repeat = 0; repeat < 3; ++repeat) {
+    one.push_back(bare_steps_per_s(experiment, sets, num_rounds));
+    all.push_back(bare_on_all(experiment, sets, num_rounds, num_cores));
+    campaign.push_back(campaign_steps_per_s(scenario, overrides, num_runs, num_cores));
+  }
+  const auto best = [](const std::vector<double>& v) {
+    return *std::max_element(v.begin(), v.end());
+  };
+  const double base = best(one) * num_cores;
+  std::printf("%-44s %12.0f %10.2f\n", "bare filter loop, one thread, times the cores", base, 1.0);
+  std::printf("%-44s %12.0f %10.2f\n", "bare filter loop, on all cores at once", best(all),
+              best(all) / base);
+  std::printf("%-44s %12.0f %10.2f   (goal: 0.90)\n", "holdfast-campaign, everything included",
+              best(campaign), best(campaign) / base);
+  return 0;
+}
+
+}  // namespace
+}  // namespace holdfast
+
+int main(int argc, char** argv) {
+  const long num_runs = argc > 1 ? std::strtol(argv[1], nullptr, 10) : 1000;
+  if (num_runs < 1) {
+    std::fprintf(stderr, "usage: campaign_speed [RUNS]\n");
+    return 2;
+  }
+  return holdfast::run(num_runs);
+}

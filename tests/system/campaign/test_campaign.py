@@ -1,0 +1,127 @@
+"""One campaign, one aggregate: whatever the threads, processes, shards and interruptions."""
+import os
+import random
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+BIN = os.path.join(os.environ["HOLDFAST_BINARY_DIR"], "bin")
+SCENARIO = os.path.join(os.environ["HOLDFAST_SOURCE_DIR"], "scenarios", "binary_tracking.yaml")
+CAMPAIGN = os.path.join(BIN, "holdfast-campaign")
+RUNS = 60
+SWEEP = ["--sweep", "attacks.flip.probability=0,0.2", "--set", "steps=20"]
+HAS_MPI = os.environ["HOLDFAST_HAS_MPI"] == "1"
+
+
+def mpirun(num, *command):
+    # One machine, any user, more processes than processors, no network but shared memory.
+    return ["mpirun", "--allow-run-as-root", "--oversubscribe", "--mca", "btl", "self,vader", "--mca", "pml", "ob1",
+            "--mca", "plm", "isolated", "-n", str(num), *command]
+
+
+class CampaignTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+
+    def path(self, name):
+        return os.path.join(self.folder.name, name)
+
+    def read(self, name):
+        with open(self.path(name), "rb") as stream:
+            return stream.read()
+
+    def call(self, *command, status=0):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, cwd=self.folder.name)
+        self.assertEqual(done.returncode, status, done.stdout + done.stderr)
+        return done
+
+    def aggregate(self, name, *arguments, before=()):
+        """Runs the campaign into a file of its own; returns the bytes of its aggregate."""
+        self.call(*before, CAMPAIGN, SCENARIO, *SWEEP, "--runs", str(RUNS), "--out", self.path(name + ".sqlite"),
+                  "--json", self.path(name + ".json"), *arguments)
+        return self.read(name + ".json")
+
+    def test_threads_processes_and_shards(self):
+        one = self.aggregate("one", "--threads", "1")
+        self.assertIn(b'"rmse_step_mean"', one)
+        self.assertEqual(one, self.aggregate("two", "--threads", "2"))
+        for num in (1, 2, 3) if HAS_MPI else ():
+            self.assertEqual(one, self.aggregate(f"mpi{num}", before=mpirun(num)), f"mpirun -n {num}")
+        shards = []
+        for i in (1, 2):
+            self.aggregate(f"shard{i}", "--shard", f"{i}/2")
+            shards.append(self.path(f"shard{i}.sqlite"))
+        self.call(CAMPAIGN, "--merge", *shards, "--out", self.path("all.sqlite"), "--json", self.path("all.json"))
+        self.assertEqual(one, self.read("all.json"))
+        # Negative control: half of the runs is another aggregate.
+        self.assertNotEqual(one, self.read("shard1.json"))
+
+    def test_killed_ten_times(self):
+        # Long enough, on one thread, for several commits between two kills.
+        long = [*SWEEP, "--runs", "500", "--threads", "1"]
+        started = time.monotonic()
+        self.call(CAMPAIGN, SCENARIO, *long, "--out", ":memory:", "--json", self.path("whole.json"))
+        duration = time.monotonic() - started
+        command = [CAMPAIGN, SCENARIO, *long, "--out", self.path("killed.sqlite"), "--json", self.path("killed.json")]
+        moments = random.Random(1)
+        counts = []
+        for _ in range(10):
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=self.folder.name)
+            with self.assertRaises(subprocess.TimeoutExpired, msg="it was done before it could be killed"):
+                process.wait(timeout=moments.uniform(0.0, 0.15 * duration))
+            process.kill()
+            process.wait()
+            counts.append(self.num_runs("killed.sqlite"))
+        self.assertEqual(counts, sorted(counts), "no run that was stored is lost")
+        self.assertGreater(len(set(counts)), 3, "the kills came at different states")
+        self.assertLess(counts[-1], 1000)
+        self.call(*command)
+        self.assertEqual(self.read("whole.json"), self.read("killed.json"))
+        self.assertEqual(self.num_runs("killed.sqlite"), 1000)
+
+    def num_runs(self, name):
+        if not os.path.exists(self.path(name)) or os.path.getsize(self.path(name)) == 0:
+            return 0
+        database = sqlite3.connect(self.path(name))
+        try:
+            tables = database.execute("SELECT count(*) FROM sqlite_master WHERE name = 'runs'").fetchone()[0]
+            return database.execute("SELECT count(*) FROM runs").fetchone()[0] if tables else 0
+        finally:
+            database.close()
+
+    def test_goes_on_with_more_runs(self):
+        file = self.path("grown.sqlite")
+        command = [CAMPAIGN, SCENARIO, *SWEEP, "--out", file, "--json", self.path("grown.json")]
+        self.call(*command, "--runs", "20")
+        self.call(*command, "--runs", str(RUNS))
+        grown = self.read("grown.json")
+        self.assertEqual(grown, self.aggregate("fresh"))
+
+    @unittest.skipUnless(HAS_MPI, "this build has no MPI")
+    def test_a_failing_process_ends_all(self):
+        done = self.call(*mpirun(2), CAMPAIGN, SCENARIO, "--set", "steps=-1", status=2)
+        self.assertEqual(done.stderr.count("steps: -1"), 1, done.stderr)
+
+    def test_wrong_use(self):
+        for arguments, word in ((["--shard", "3/2"], "--shard"), (["--sweep", "steps"], "--sweep"), (["--runs", "0"], "--runs"),
+                                (["--sweep", "nowhere=1"], "nowhere"), (["--merge", "a"], "excludes")):
+            done = self.call(CAMPAIGN, SCENARIO, *arguments, status=2)
+            self.assertIn(word, done.stderr)
+        self.call(CAMPAIGN, "--merge", SCENARIO, "--out", self.path("x"), status=2)
+        with open(self.path("text"), "w", encoding="utf-8") as stream:
+            stream.write("no results file, but long enough to be looked at twice by whoever opens it. " * 20)
+        done = self.call(CAMPAIGN, SCENARIO, "--out", self.path("text"), status=1)
+        self.assertIn("not SQLite", done.stderr)
+
+    def test_another_campaign_is_refused(self):
+        self.aggregate("mine")
+        done = self.call(CAMPAIGN, SCENARIO, "--set", "steps=10", "--out", self.path("mine.sqlite"), status=2)
+        self.assertIn("another campaign", done.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(unittest.main(verbosity=2))

@@ -1,0 +1,295 @@
+#include "tools/campaign/campaign_figures.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <set>
+
+#include "tools/text_table.h"
+
+namespace holdfast {
+namespace {
+
+// More points than this are shown as sweeps only: their curves would hide each other.
+constexpr std::size_t kPointsWithCurvesMax = 4;
+
+void add_with_band(FigureSeries& series, double x, double value, double standard_error) {
+  series.x.push_back(x);
+  series.y.push_back(value);
+  series.low.push_back(value - kFigureBandErrors * standard_error);
+  series.high.push_back(value + kFigureBandErrors * standard_error);
+}
+
+std::string file_name(const std::string& text) {
+  std::string name;
+  for (const char c : text) name += std::isalnum(static_cast<unsigned char>(c)) != 0 ? c : '_';
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return name;
+}
+
+std::string label_with_unit(const std::string& text, const std::string& unit) {
+  return unit.empty() ? text : text + " [" + unit + "]";
+}
+
+std::string point_label(const PointSummary& point) {
+  return point.settings.empty() ? "" : sweep_label(point.settings);
+}
+
+struct CurveKind {
+  const char* name;
+  const char* title;
+  bool has_log_y;
+};
+constexpr CurveKind kCurves[] = {{"rmse_over_runs", "RMSE over runs", false},
+                                 {"nees", "Mean NEES", true},
+                                 {"nis", "Mean NIS", true}};
+
+// Groups, with units, that any estimator has a curve of this name for.
+std::vector<std::pair<std::string, std::string>> groups_of(const PointSummary& point,
+                                                           const std::string& curve) {
+  std::vector<std::pair<std::string, std::string>> groups;
+  for (const EstimatorSummary& estimator : point.estimators) {
+    for (const MetricCurve& one : estimator.metrics.curves) {
+      const std::pair group(one.group, one.unit);
+      if (one.name == curve && std::ranges::find(groups, group) == groups.end())
+        groups.push_back(group);
+    }
+  }
+  return groups;
+}
+
+// Where honest filters lie: the first estimator's band, as two levels' worth of dashed lines.
+void add_expected_band(const PointSummary& point, const std::string& curve, Figure& figure) {
+  for (const EstimatorSummary& estimator : point.estimators) {
+    const MetricCurve* found = find_curve(estimator.metrics, curve, "");
+    if (found == nullptr || found->low.empty()) continue;
+    for (const auto& [name, values] :
+         {std::pair("95 % band, low", &found->low), std::pair("95 % band, high", &found->high)}) {
+      FigureSeries series;
+      series.name = name;
+      series.y = *values;
+      for (std::size_t k = 0; k < values->size(); ++k)
+        series.x.push_back(static_cast<double>(k + 1));
+      series.is_dashed = true;
+      figure.series.push_back(std::move(series));
+    }
+    figure.note += " An honest covariance keeps the mean within the dashed lines.";
+    return;
+  }
+}
+
+void add_curves(const PointSummary& point, std::vector<Figure>& figures) {
+  for (const CurveKind& kind : kCurves) {
+    for (const auto& [group, unit] : groups_of(point, kind.name)) {
+      Figure figure;
+      const std::string label = point_label(point);
+      figure.name = file_name(std::string(kind.name) + (group.empty() ? "" : "_" + group) +
+                              (label.empty() ? "" : "_" + label));
+      figure.title = std::string(kind.title) + (group.empty() ? "" : ", " + group) +
+                     (label.empty() ? "" : " (" + label + ")");
+      figure.x_label = "step";
+      figure.y_label = label_with_unit(kind.title, unit);
+      figure.has_log_y = kind.has_log_y;
+      figure.series = curve_series(point, kind.name, group);
+      figure.note =
+          "Bands: two standard errors to each side, " + std::to_string(point.num_runs) + " runs.";
+      add_expected_band(point, kind.name, figure);
+      figures.push_back(std::move(figure));
+    }
+  }
+}
+
+void add_rocs(const PointSummary& point, std::vector<Figure>& figures) {
+  std::set<std::string> kinds;
+  for (const EstimatorSummary& estimator : point.estimators)
+    for (const RocCurve& roc : estimator.metrics.rocs) kinds.insert(roc.name);
+  for (const std::string& kind : kinds) {
+    Figure figure;
+    const std::string label = point_label(point);
+    figure.name = file_name("roc_" + kind + (label.empty() ? "" : "_" + label));
+    figure.title = "Detection of attacked " + kind + (label.empty() ? "" : " (" + label + ")");
+    figure.x_label = "false-alarm rate";
+    figure.y_label = "detection rate";
+    for (const EstimatorSummary& estimator : point.estimators) {
+      for (const RocCurve& roc : estimator.metrics.rocs) {
+        if (roc.name != kind) continue;
+        FigureSeries series;
+        series.name = estimator.metrics.estimator + " (area " + number_text(roc.area, 3) + ")";
+        series.x = roc.false_alarm_rate;
+        series.y = roc.detection_rate;
+        figure.series.push_back(std::move(series));
+      }
+    }
+    figures.push_back(std::move(figure));
+  }
+}
+
+// The one key that all points set, with its values; empty when they set several.
+std::string swept_key(const CampaignSummary& summary, std::vector<std::string>& values) {
+  std::string key;
+  for (const PointSummary& point : summary.points) {
+    if (point.settings.size() != 1) return "";
+    const std::string& setting = point.settings.front();
+    const std::string here = setting.substr(0, setting.find('='));
+    if (!key.empty() && key != here) return "";
+    key = here;
+    values.push_back(setting.substr(setting.find('=') + 1));
+  }
+  return key;
+}
+
+void add_sweeps(const CampaignSummary& summary, std::vector<Figure>& figures) {
+  if (summary.points.size() < 2) return;
+  std::vector<std::string> values;
+  const std::string key = swept_key(summary, values);
+  std::vector<double> x;
+  for (std::size_t p = 0; p < summary.points.size(); ++p) x.push_back(static_cast<double>(p + 1));
+  if (!key.empty()) x = axis_of(values);
+  std::vector<std::pair<std::string, std::pair<std::string, std::string>>> seen;
+  for (const EstimatorSummary& estimator : summary.points.front().estimators) {
+    for (const Metric& metric : estimator.metrics.metrics) {
+      const auto id = std::pair(metric.name, std::pair(metric.group, metric.unit));
+      if (std::ranges::find(seen, id) != seen.end()) continue;
+      seen.push_back(id);
+      Figure figure;
+      figure.name =
+          file_name("sweep_" + metric.name + (metric.group.empty() ? "" : "_" + metric.group));
+      figure.title =
+          metric.name + (metric.group.empty() ? "" : ", " + metric.group) + " over the sweep";
+      figure.x_label = key.empty() ? "sweep point" : key;
+      figure.y_label = label_with_unit(metric.name, metric.unit);
+      figure.series = sweep_series(summary, x, metric.name, metric.group);
+      figure.note = "Bands: two standard errors to each side.";
+      figures.push_back(std::move(figure));
+    }
+  }
+}
+
+ReportTable metric_table(const PointSummary& point) {
+  ReportTable table;
+  const std::string label = point_label(point);
+  table.title = label.empty() ? "Metrics" : label;
+  table.header = {"metric", "group", "unit"};
+  std::vector<std::pair<std::string, std::pair<std::string, std::string>>> rows;
+  for (const EstimatorSummary& estimator : point.estimators) {
+    table.header.push_back(estimator.metrics.estimator);
+    for (const Metric& metric : estimator.metrics.metrics) {
+      const auto id = std::pair(metric.name, std::pair(metric.group, metric.unit));
+      if (std::ranges::find(rows, id) == rows.end()) rows.push_back(id);
+    }
+  }
+  for (const auto& [name, group] : rows) {
+    std::vector<std::string> cells = {name, group.first, group.second};
+    for (const EstimatorSummary& estimator : point.estimators) {
+      const Metric* metric = find_metric(estimator.metrics, name, group.first);
+      cells.push_back(metric == nullptr ? "-"
+                                        : number_with_error(metric->value, metric->standard_error));
+    }
+    table.rows.push_back(std::move(cells));
+  }
+  table.note = std::to_string(point.num_runs) + " runs of " + std::to_string(point.num_steps) +
+               " steps, " + number_text(100.0 * point.attacked_share, 3) +
+               " % of them attacked; in brackets: standard errors.";
+  return table;
+}
+
+ReportTable comparison_table(const CampaignSummary& summary) {
+  ReportTable table;
+  table.title = "RMSE of estimators x points";
+  table.header = {"point",
+                  "estimator",
+                  "group",
+                  "RMSE (s.e.)",
+                  "lost",
+                  "against the first estimator",
+                  "against the first point"};
+  const auto difference = [](const std::vector<PairedDifference>& differences,
+                             const std::string& group) {
+    for (const PairedDifference& d : differences)
+      if (d.group == group) return number_with_error(d.value, d.standard_error);
+    return std::string("-");
+  };
+  for (const PointSummary& point : summary.points) {
+    for (const EstimatorSummary& estimator : point.estimators) {
+      for (const Metric& metric : estimator.metrics.metrics) {
+        if (metric.name != "rmse_step_mean") continue;
+        const Metric* lost = find_metric(estimator.metrics, "lost_share", metric.group);
+        table.rows.push_back({point_label(point), estimator.metrics.estimator,
+                              label_with_unit(metric.group, metric.unit),
+                              number_with_error(metric.value, metric.standard_error),
+                              lost == nullptr ? "-" : number_text(lost->value, 3),
+                              difference(estimator.against_first, metric.group),
+                              difference(estimator.against_first_point, metric.group)});
+      }
+    }
+  }
+  table.note = "Differences are paired: the same runs, with the same random numbers.";
+  return table;
+}
+
+}  // namespace
+
+std::vector<FigureSeries> curve_series(const PointSummary& point, const std::string& curve,
+                                       const std::string& group) {
+  std::vector<FigureSeries> all;
+  for (const EstimatorSummary& estimator : point.estimators) {
+    const MetricCurve* found = find_curve(estimator.metrics, curve, group);
+    if (found == nullptr) continue;
+    FigureSeries series;
+    series.name = estimator.metrics.estimator;
+    for (std::size_t k = 0; k < found->value.size(); ++k) {
+      add_with_band(series, static_cast<double>(k + 1), found->value[k],
+                    k < found->standard_error.size() ? found->standard_error[k] : 0.0);
+    }
+    all.push_back(std::move(series));
+  }
+  return all;
+}
+
+std::vector<FigureSeries> sweep_series(const CampaignSummary& summary, const std::vector<double>& x,
+                                       const std::string& metric, const std::string& group) {
+  std::vector<FigureSeries> all;
+  for (const EstimatorSummary& first : summary.points.front().estimators) {
+    FigureSeries series;
+    series.name = first.metrics.estimator;
+    for (std::size_t p = 0; p < summary.points.size(); ++p) {
+      for (const EstimatorSummary& estimator : summary.points[p].estimators) {
+        if (estimator.metrics.estimator != series.name) continue;
+        const Metric* found = find_metric(estimator.metrics, metric, group);
+        if (found != nullptr) add_with_band(series, x[p], found->value, found->standard_error);
+      }
+    }
+    all.push_back(std::move(series));
+  }
+  return all;
+}
+
+std::vector<double> axis_of(const std::vector<std::string>& values) {
+  std::vector<double> axis;
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    char* end = nullptr;
+    const double value = std::strtod(values[i].c_str(), &end);
+    const bool is_number = !values[i].empty() && *end == '\0';
+    axis.push_back(is_number ? value : static_cast<double>(i + 1));
+  }
+  return axis;
+}
+
+Report campaign_report(const CampaignSummary& summary) {
+  Report report;
+  report.title = "Campaign " + summary.scenario;
+  report.subtitle = "seed " + std::to_string(summary.seed) + ", kernel " + summary.kernel +
+                    ", version " + summary.version + ", commit " + summary.commit;
+  report.tables.push_back(comparison_table(summary));
+  for (const PointSummary& point : summary.points) report.tables.push_back(metric_table(point));
+  add_sweeps(summary, report.figures);
+  if (summary.points.size() <= kPointsWithCurvesMax) {
+    for (const PointSummary& point : summary.points) {
+      add_curves(point, report.figures);
+      add_rocs(point, report.figures);
+    }
+  }
+  return report;
+}
+
+}  // namespace holdfast

@@ -1,0 +1,193 @@
+#include "tools/campaign/campaign_summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace holdfast {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// Histograms of more runs than this would fill the memory for one standard error.
+constexpr std::size_t kRunsWithPacketsMax = 10'000;
+
+// All estimators of a point, with the matrices that they point to.
+struct PointRuns {
+  std::vector<std::int64_t> runs;
+  RunMatrix is_attacked;
+  std::vector<EstimatorRuns> estimators;
+};
+
+void load(CampaignStore& store, std::int64_t point, RunRange range, PointRuns& loaded) {
+  const StoredPoint& stored = store.points()[static_cast<std::size_t>(point)];
+  loaded.runs = store.runs_of(point, range);
+  if (loaded.runs.empty()) {
+    throw UsageError(store.file() + " holds no run" +
+                     (stored.settings.empty() ? "" : " of " + sweep_label(stored.settings)) +
+                     " yet");
+  }
+  loaded.is_attacked = store.read_curves(point, "", loaded.runs)["is_attacked"];
+  for (const std::string& name : stored.estimators) {
+    EstimatorRuns runs;
+    runs.estimator = name;
+    runs.curves = store.read_curves(point, name, loaded.runs);
+    runs.packets = store.read_packets(point, name, range);
+    if (loaded.runs.size() <= kRunsWithPacketsMax && !runs.packets.is_empty())
+      runs.packets_of_runs = store.read_packets_of_runs(point, name, loaded.runs);
+    runs.outcomes = store.read_counters(point, name, range);
+    runs.is_attacked = &loaded.is_attacked;
+    loaded.estimators.push_back(std::move(runs));
+  }
+}
+
+double share_of_ones(const RunMatrix& matrix) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < matrix.num_runs(); ++i)
+    for (const double value : matrix.run(i)) sum += value;
+  return sum /
+         static_cast<double>(std::max<std::size_t>(1, matrix.num_runs() * matrix.num_steps()));
+}
+
+const EstimatorRuns* find(const PointRuns& point, const std::string& estimator) {
+  for (const EstimatorRuns& runs : point.estimators)
+    if (runs.estimator == estimator) return &runs;
+  return nullptr;
+}
+
+Json number(double value) {
+  return std::isfinite(value) ? Json(value) : Json(nullptr);
+}
+
+Json numbers(const std::vector<double>& values) {
+  Json list = Json::array();
+  for (const double value : values) list.push_back(number(value));
+  return list;
+}
+
+Json to_json(const std::vector<PairedDifference>& differences) {
+  Json list = Json::array();
+  for (const PairedDifference& d : differences) {
+    list.push_back({{"reference", d.reference},
+                    {"name", d.name},
+                    {"group", d.group},
+                    {"unit", d.unit},
+                    {"value", number(d.value)},
+                    {"standard_error", number(d.standard_error)}});
+  }
+  return list;
+}
+
+Json to_json(const EstimatorSummary& estimator) {
+  Json json = {{"estimator", estimator.metrics.estimator}, {"metrics", Json::array()}};
+  for (const Metric& metric : estimator.metrics.metrics) {
+    json["metrics"].push_back({{"name", metric.name},
+                               {"group", metric.group},
+                               {"unit", metric.unit},
+                               {"value", number(metric.value)},
+                               {"standard_error", number(metric.standard_error)},
+                               {"count", metric.count}});
+  }
+  json["outcomes"] = estimator.metrics.outcomes;
+  json["against_first"] = to_json(estimator.against_first);
+  json["against_first_point"] = to_json(estimator.against_first_point);
+  json["curves"] = Json::array();
+  for (const MetricCurve& curve : estimator.metrics.curves) {
+    Json entry = {{"name", curve.name},
+                  {"group", curve.group},
+                  {"unit", curve.unit},
+                  {"value", numbers(curve.value)},
+                  {"standard_error", numbers(curve.standard_error)}};
+    if (!curve.low.empty()) {
+      entry["low"] = numbers(curve.low);
+      entry["high"] = numbers(curve.high);
+    }
+    json["curves"].push_back(std::move(entry));
+  }
+  json["rocs"] = Json::array();
+  for (const RocCurve& roc : estimator.metrics.rocs) {
+    json["rocs"].push_back({{"name", roc.name},
+                            {"area", number(roc.area)},
+                            {"false_alarm_rate", numbers(roc.false_alarm_rate)},
+                            {"detection_rate", numbers(roc.detection_rate)}});
+  }
+  return json;
+}
+
+}  // namespace
+
+CampaignSummary summarise(CampaignStore& store, RunRange range) {
+  CampaignSummary summary;
+  summary.scenario = store.meta("scenario");
+  summary.version = store.meta("version");
+  summary.commit = store.meta("commit");
+  summary.kernel = store.meta("kernel");
+  summary.identity = store.meta("identity");
+  PointRuns first;
+  for (std::size_t p = 0; p < store.points().size(); ++p) {
+    const StoredPoint& stored = store.points()[p];
+    const Experiment experiment = experiment_from_text(stored.scenario, store.file());
+    summary.seed = experiment.seed;
+    MetricsOptions options;
+    options.seed = experiment.seed;
+    options.detection_threshold = experiment.detection_threshold;
+    options.groups = experiment.state_groups;
+    PointRuns here;
+    PointRuns& loaded = p == 0 ? first : here;
+    const auto point = static_cast<std::int64_t>(p);
+    load(store, point, range, loaded);
+    PointSummary row;
+    row.settings = stored.settings;
+    row.num_runs = static_cast<std::int64_t>(loaded.runs.size());
+    row.num_steps = experiment.num_steps;
+    row.attacked_share = share_of_ones(loaded.is_attacked);
+    row.counters = store.read_counters(point, "", range);
+    for (const EstimatorRuns& runs : loaded.estimators) {
+      EstimatorSummary estimator;
+      estimator.metrics = compute_metrics(runs, options);
+      if (&runs != &loaded.estimators.front())
+        estimator.against_first = paired_differences(runs, loaded.estimators.front(), options);
+      const EstimatorRuns* before = p == 0 ? nullptr : find(first, runs.estimator);
+      // Common random numbers want the same runs and as many steps.
+      if (before != nullptr && first.runs == loaded.runs &&
+          first.is_attacked.num_steps() == loaded.is_attacked.num_steps())
+        estimator.against_first_point = paired_differences(runs, *before, options);
+      estimator.step_times = store.read_step_times(point, runs.estimator, range);
+      row.estimators.push_back(std::move(estimator));
+    }
+    summary.points.push_back(std::move(row));
+  }
+  return summary;
+}
+
+const Metric* find_metric(const EstimatorMetrics& estimator, const std::string& name,
+                          const std::string& group) {
+  for (const Metric& metric : estimator.metrics)
+    if (metric.name == name && metric.group == group) return &metric;
+  return nullptr;
+}
+
+const MetricCurve* find_curve(const EstimatorMetrics& estimator, const std::string& name,
+                              const std::string& group) {
+  for (const MetricCurve& curve : estimator.curves)
+    if (curve.name == name && curve.group == group) return &curve;
+  return nullptr;
+}
+
+std::string to_json(const CampaignSummary& summary) {
+  Json json = {{"scenario", summary.scenario}, {"seed", summary.seed},
+               {"version", summary.version},   {"commit", summary.commit},
+               {"kernel", summary.kernel},     {"identity", summary.identity}};
+  json["points"] = Json::array();
+  for (const PointSummary& point : summary.points) {
+    Json entry = {{"settings", point.settings}, {"runs", point.num_runs},
+                  {"steps", point.num_steps},   {"attacked_share", number(point.attacked_share)},
+                  {"counters", point.counters}, {"estimators", Json::array()}};
+    for (const EstimatorSummary& estimator : point.estimators)
+      entry["estimators"].push_back(to_json(estimator));
+    json["points"].push_back(std::move(entry));
+  }
+  return json.dump(1) + "\n";
+}
+
+}  // namespace holdfast

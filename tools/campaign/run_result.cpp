@@ -1,0 +1,229 @@
+#include "tools/campaign/run_result.h"
+
+#include <bit>
+#include <cstring>
+#include <nlohmann/json.hpp>
+
+#include "common/clock.h"
+#include "tools/simulation.h"
+
+namespace holdfast {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+
+using Json = nlohmann::json;
+
+template <class Value>
+std::vector<std::uint8_t> raw_bytes(const Value* values, std::size_t count) {
+  std::vector<std::uint8_t> bytes(count * sizeof(Value));
+  if (count > 0) std::memcpy(bytes.data(), values, bytes.size());
+  return bytes;
+}
+
+template <class Value>
+std::vector<Value> raw_values(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() % sizeof(Value) != 0) throw JobError("a stored curve is torn");
+  std::vector<Value> values(bytes.size() / sizeof(Value));
+  if (!values.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+  return values;
+}
+
+Json binary(std::vector<std::uint8_t> bytes) {
+  return Json::binary(std::move(bytes));
+}
+
+std::span<const std::uint8_t> binary_of(const Json& json) {
+  return json.get_ref<const Json::binary_t&>();
+}
+
+// True when the proxy altered or made the frame that it sent as the index-th one.
+bool is_touched(const std::vector<AttackRecord>& records, std::int64_t tx_index) {
+  return std::any_of(records.begin(), records.end(), [tx_index](const AttackRecord& record) {
+    return record.tx_index == tx_index;
+  });
+}
+
+bool is_attacked(const Simulation& simulation) {
+  if (!simulation.attack_records().empty()) return true;
+  const auto& signals = simulation.truth().attack_signals;
+  return std::any_of(signals.begin(), signals.end(), [](const AttackSignal& signal) {
+    return std::any_of(signal.value.begin(), signal.value.end(), [](double v) { return v != 0.0; });
+  });
+}
+
+// The simulated buses lose nothing, so the nth frame sent is the nth one received.
+void score_packets(const Estimate& estimate, const std::vector<AttackRecord>& records,
+                   ScoreHistogram& packets) {
+  for (std::size_t i = 0; i < estimate.packet_rx_index.size(); ++i) {
+    packets.add(1.0 - estimate.packet_probability[i],
+                is_touched(records, estimate.packet_rx_index[i]));
+  }
+}
+
+void count_step(const Simulation& simulation, RunResult& result) {
+  result.counters["frames_sent_by_proxy"] +=
+      static_cast<std::int64_t>(simulation.sent_frames().size());
+  result.counters["packets_received"] +=
+      static_cast<std::int64_t>(simulation.measurements().packets.size());
+  for (const AttackRecord& record : simulation.attack_records()) {
+    switch (record.disposition) {
+      case AttackRecord::Disposition::kAltered:
+        ++result.counters["frames_altered"];
+        break;
+      case AttackRecord::Disposition::kDropped:
+        ++result.counters["frames_dropped"];
+        break;
+      case AttackRecord::Disposition::kInjected:
+        ++result.counters["frames_injected"];
+        break;
+    }
+  }
+}
+
+}  // namespace
+
+RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::int64_t run) {
+  const auto num_steps = static_cast<std::size_t>(experiment.num_steps);
+  RunResult result;
+  result.point = point;
+  result.run = run;
+  result.is_attacked.reserve(num_steps);
+  Simulation simulation(experiment, static_cast<std::uint32_t>(run));
+  std::vector<RunScorer> scorers(simulation.entries().size(),
+                                 RunScorer(experiment.state_groups, num_steps));
+  result.estimators.resize(scorers.size());
+  simulation.on_step_time = [&result](std::size_t i, std::int64_t time_ns) {
+    result.estimators[i].step_times.add(time_ns);
+  };
+  std::vector<double> attack_signal;
+  while (simulation.advance()) {
+    const PlantStep& truth = simulation.truth();
+    attack_signal.clear();
+    for (const AttackSignal& signal : truth.attack_signals)
+      attack_signal.insert(attack_signal.end(), signal.value.begin(), signal.value.end());
+    const bool attacked = is_attacked(simulation);
+    result.is_attacked.push_back(attacked ? 1.0 : 0.0);
+    count_step(simulation, result);
+    const TrueStep true_step{{truth.state.data(), static_cast<std::size_t>(truth.state.size())},
+                             truth.mode,
+                             attacked,
+                             attack_signal};
+    for (std::size_t i = 0; i < scorers.size(); ++i) {
+      const Estimate& estimate = *simulation.estimates()[i];
+      scorers[i].take(estimate, true_step);
+      score_packets(estimate, simulation.attack_records(), result.estimators[i].scores.packets);
+    }
+  }
+  for (std::size_t i = 0; i < scorers.size(); ++i) {
+    EstimatorResult& estimator = result.estimators[i];
+    estimator.name = simulation.entries()[i]->name;
+    ScoreHistogram packets = std::move(estimator.scores.packets);
+    estimator.scores = scorers[i].finish();
+    estimator.scores.packets = std::move(packets);
+    const auto probability = estimator.scores.curves.find("attack_probability");
+    if (probability != estimator.scores.curves.end()) {
+      estimator.detections =
+          detection_events(probability->second, result.is_attacked, experiment.detection_threshold);
+    }
+  }
+  return result;
+}
+
+std::vector<std::uint8_t> bytes_of(std::span<const double> values) {
+  return raw_bytes(values.data(), values.size());
+}
+
+std::vector<double> doubles_of(std::span<const std::uint8_t> bytes) {
+  return raw_values<double>(bytes);
+}
+
+std::vector<std::uint8_t> bytes_of(const ScoreHistogram& histogram) {
+  std::vector<std::int64_t> bins;
+  for (std::size_t i = 0; i < ScoreHistogram::kNumBins; ++i) {
+    if (histogram.positives[i] == 0 && histogram.negatives[i] == 0) continue;
+    bins.insert(bins.end(),
+                {static_cast<std::int64_t>(i), histogram.positives[i], histogram.negatives[i]});
+  }
+  return raw_bytes(bins.data(), bins.size());
+}
+
+ScoreHistogram score_histogram_of(std::span<const std::uint8_t> bytes) {
+  const std::vector<std::int64_t> bins = raw_values<std::int64_t>(bytes);
+  ScoreHistogram histogram;
+  for (std::size_t i = 0; i + 2 < bins.size(); i += 3) {
+    if (bins[i] < 0 || bins[i] >= static_cast<std::int64_t>(ScoreHistogram::kNumBins))
+      throw JobError("a stored histogram has a bin that there is not");
+    histogram.positives[static_cast<std::size_t>(bins[i])] += bins[i + 1];
+    histogram.negatives[static_cast<std::size_t>(bins[i])] += bins[i + 2];
+  }
+  return histogram;
+}
+
+std::vector<std::uint8_t> bytes_of(const TimeHistogram& histogram) {
+  std::vector<std::int64_t> values = {histogram.longest_ns};
+  for (std::size_t i = 0; i < TimeHistogram::kNumBuckets; ++i) {
+    if (histogram.buckets[i] == 0) continue;
+    values.insert(values.end(), {static_cast<std::int64_t>(i), histogram.buckets[i]});
+  }
+  return raw_bytes(values.data(), values.size());
+}
+
+TimeHistogram time_histogram_of(std::span<const std::uint8_t> bytes) {
+  const std::vector<std::int64_t> values = raw_values<std::int64_t>(bytes);
+  TimeHistogram histogram;
+  if (!values.empty()) histogram.longest_ns = values.front();
+  for (std::size_t i = 1; i + 1 < values.size(); i += 2) {
+    if (values[i] < 0 || values[i] >= static_cast<std::int64_t>(TimeHistogram::kNumBuckets))
+      throw JobError("a stored histogram has a bucket that there is not");
+    histogram.buckets[static_cast<std::size_t>(values[i])] += values[i + 1];
+  }
+  return histogram;
+}
+
+std::vector<std::uint8_t> to_bytes(const RunResult& result) {
+  Json json = {{"point", result.point}, {"run", result.run}, {"counters", result.counters}};
+  json["is_attacked"] = binary(bytes_of(result.is_attacked));
+  json["estimators"] = Json::array();
+  for (const EstimatorResult& estimator : result.estimators) {
+    Json entry = {{"name", estimator.name}, {"outcomes", estimator.scores.outcomes}};
+    entry["curves"] = Json::object();
+    for (const auto& [name, values] : estimator.scores.curves)
+      entry["curves"][name] = binary(bytes_of(values));
+    entry["packets"] = binary(bytes_of(estimator.scores.packets));
+    entry["detections"] = Json::array();
+    for (const DetectionEvent& event : estimator.detections)
+      entry["detections"].push_back({event.first_step, event.last_step, event.detected_step});
+    entry["step_times"] = binary(bytes_of(estimator.step_times));
+    json["estimators"].push_back(std::move(entry));
+  }
+  return Json::to_msgpack(json);
+}
+
+RunResult run_result_from(std::span<const std::uint8_t> bytes) {
+  RunResult result;
+  try {
+    const Json json = Json::from_msgpack(bytes.begin(), bytes.end());
+    result.point = json.at("point");
+    result.run = json.at("run");
+    json.at("counters").get_to(result.counters);
+    result.is_attacked = doubles_of(binary_of(json.at("is_attacked")));
+    for (const Json& entry : json.at("estimators")) {
+      EstimatorResult estimator;
+      entry.at("name").get_to(estimator.name);
+      entry.at("outcomes").get_to(estimator.scores.outcomes);
+      for (const auto& [name, values] : entry.at("curves").items())
+        estimator.scores.curves[name] = doubles_of(binary_of(values));
+      estimator.scores.packets = score_histogram_of(binary_of(entry.at("packets")));
+      for (const Json& event : entry.at("detections"))
+        estimator.detections.push_back({event.at(0), event.at(1), event.at(2)});
+      estimator.step_times = time_histogram_of(binary_of(entry.at("step_times")));
+      result.estimators.push_back(std::move(estimator));
+    }
+  } catch (const Json::exception& error) {
+    throw JobError(std::string("a run's result arrived damaged: ") + error.what());
+  }
+  return result;
+}
+
+}  // namespace holdfast

@@ -1,0 +1,57 @@
+#include <cmath>
+
+#include "tools/metrics/metric_parts.h"
+
+namespace holdfast {
+namespace {
+
+// Changes of the true mode in each run, and what became of them.
+struct ModeChanges {
+  explicit ModeChanges(std::size_t num_runs)
+      : changes(num_runs), found(num_runs), delay(num_runs) {}
+
+  std::vector<double> changes, found;
+  std::vector<double> delay;  // steps, summed over the changes that were found
+};
+
+void count_run(std::size_t run, std::span<const double> mode, std::span<const double> is_correct,
+               ModeChanges& counts) {
+  double known_mode = kNoValue;
+  std::size_t changed_at = 0;
+  bool is_open = false;  // a change that has not been found yet
+  for (std::size_t k = 0; k < mode.size(); ++k) {
+    if (!std::isnan(mode[k])) {
+      if (!std::isnan(known_mode) && mode[k] != known_mode) {
+        counts.changes[run] += 1.0;
+        changed_at = k;
+        is_open = true;
+      }
+      known_mode = mode[k];
+    }
+    if (is_open && is_correct[k] > 0.5) {
+      counts.found[run] += 1.0;
+      counts.delay[run] += static_cast<double>(k - changed_at);
+      is_open = false;
+    }
+  }
+}
+
+}  // namespace
+
+void add_modes(const MetricsInput& input, EstimatorMetrics& result) {
+  const RunMatrix* is_correct = input.find("mode_correct");
+  if (is_correct == nullptr) return;
+  add_metric(result, "mode_accuracy", "", "", mean_of(run_means(*is_correct)));
+  result.curves.push_back(mean_curve("mode_accuracy", *is_correct));
+  const RunMatrix* mode = input.find("mode");
+  if (mode == nullptr) return;
+  ModeChanges counts(mode->num_runs());
+  for (std::size_t r = 0; r < mode->num_runs(); ++r)
+    count_run(r, mode->run(r), is_correct->run(r), counts);
+  add_metric(result, "mode_delay", "", "steps",
+             ratio_of(counts.delay, counts.found, input.bootstrap));
+  add_metric(result, "mode_changes_found", "", "",
+             ratio_of(counts.found, counts.changes, input.bootstrap));
+}
+
+}  // namespace holdfast

@@ -1,0 +1,130 @@
+#include <algorithm>
+
+#include "tools/campaign/campaign_figures.h"
+#include "tools/reproduce/reproduction.h"
+#include "tools/simulation.h"
+
+namespace holdfast {
+namespace {
+
+bool is_wanted(const PaperFigure& figure, const std::string& estimator) {
+  return figure.estimators.empty() ||
+         std::ranges::find(figure.estimators, estimator) != figure.estimators.end();
+}
+
+// Points of the independent reference beside the estimator's own.
+FigureSeries reference_series(const PaperFigure& figure, const std::string& estimator,
+                              const std::vector<double>& x,
+                              const std::vector<TableResult>& tables) {
+  FigureSeries reference;
+  reference.name = estimator + ", reference";
+  reference.style = FigureSeries::Style::kPoints;
+  for (const TableResult& table : tables) {
+    for (const RowResult& row : table.rows) {
+      if (row.row.campaign != figure.campaign || row.row.estimator != estimator ||
+          row.row.group != figure.group || row.row.metric != figure.metric || !row.is_judged)
+        continue;
+      reference.x.push_back(x[static_cast<std::size_t>(row.row.point)]);
+      reference.y.push_back(row.reference.value);
+    }
+  }
+  return reference;
+}
+
+void draw_path(const PaperFigure& figure, const Experiment& experiment, Figure& drawn) {
+  const auto group = std::ranges::find(experiment.state_groups, figure.group, &StateGroup::name);
+  if (group == experiment.state_groups.end() || group->states.size() < 2)
+    throw UsageError("figure " + figure.name + ": its group must have two states");
+  const int x = group->states[0], y = group->states[1];
+  drawn.has_equal_axes = true;
+  Simulation simulation(experiment, static_cast<std::uint32_t>(figure.run));
+  FigureSeries truth;
+  truth.name = "truth";
+  std::vector<FigureSeries> estimates(simulation.entries().size());
+  while (simulation.advance()) {
+    truth.x.push_back(simulation.truth().state[x]);
+    truth.y.push_back(simulation.truth().state[y]);
+    for (std::size_t i = 0; i < estimates.size(); ++i) {
+      estimates[i].x.push_back(simulation.estimates()[i]->mean[x]);
+      estimates[i].y.push_back(simulation.estimates()[i]->mean[y]);
+    }
+  }
+  drawn.series.push_back(std::move(truth));
+  for (std::size_t i = 0; i < estimates.size(); ++i) {
+    estimates[i].name = simulation.entries()[i]->name;
+    estimates[i].is_dashed = true;
+    if (is_wanted(figure, estimates[i].name)) drawn.series.push_back(std::move(estimates[i]));
+  }
+  FigureSeries sensors;
+  sensors.name = "sensors";
+  sensors.style = FigureSeries::Style::kPoints;
+  for (const auto& position : experiment.model.sensor_positions_m) {
+    sensors.x.push_back(position[0]);
+    sensors.y.push_back(position[1]);
+  }
+  drawn.series.push_back(std::move(sensors));
+}
+
+void draw_readings(const PaperFigure& figure, const Experiment& experiment, Figure& drawn) {
+  Simulation simulation(experiment, static_cast<std::uint32_t>(figure.run));
+  std::vector<FigureSeries> series(figure.sources.size());
+  for (std::size_t i = 0; i < series.size(); ++i) {
+    series[i].name = "source " + std::to_string(figure.sources[i]);
+    series[i].style = FigureSeries::Style::kPoints;
+  }
+  for (double step = 1.0; simulation.advance(); ++step) {
+    const MeasurementSet& set = simulation.measurements();
+    for (const Packet& packet : set.packets) {
+      for (std::size_t i = 0; i < series.size(); ++i) {
+        if (packet.source != figure.sources[i] || packet.num_values == 0) continue;
+        series[i].x.push_back(step);
+        series[i].y.push_back(set.values[packet.first_value]);
+      }
+    }
+  }
+  drawn.series = std::move(series);
+}
+
+}  // namespace
+
+Figure draw(const PaperFigure& figure, const PaperCampaign& campaign, const CampaignPlan& plan,
+            const CampaignSummary& summary, const std::vector<TableResult>& tables) {
+  Figure drawn;
+  drawn.name = figure.name;
+  drawn.title = figure.title;
+  const bool is_sweep = figure.kind == PaperFigure::Kind::kSweep;
+  drawn.x_label = !figure.x_label.empty() ? figure.x_label : is_sweep ? campaign.sweep_key : "step";
+  drawn.y_label = figure.y_label;
+  const Experiment& experiment = plan.points.front().experiment;
+  switch (figure.kind) {
+    case PaperFigure::Kind::kCurve:
+      drawn.series = curve_series(summary.points.front(), figure.metric, figure.group);
+      break;
+    case PaperFigure::Kind::kSweep: {
+      const std::vector<double> x = axis_of(campaign.sweep_values);
+      for (FigureSeries& series : sweep_series(summary, x, figure.metric, figure.group)) {
+        const std::string name = series.name;
+        drawn.series.push_back(std::move(series));
+        FigureSeries reference = reference_series(figure, name, x, tables);
+        if (!reference.x.empty()) drawn.series.push_back(std::move(reference));
+      }
+      break;
+    }
+    case PaperFigure::Kind::kPath:
+      draw_path(figure, experiment, drawn);
+      drawn.note = "Run " + std::to_string(figure.run) + " of the campaign.";
+      return drawn;
+    case PaperFigure::Kind::kReadings:
+      draw_readings(figure, experiment, drawn);
+      drawn.note = "Run " + std::to_string(figure.run) + " of the campaign.";
+      return drawn;
+  }
+  std::erase_if(drawn.series, [&figure](const FigureSeries& series) {
+    return !is_wanted(figure, series.name.substr(0, series.name.find(',')));
+  });
+  drawn.note = "Bands: two standard errors to each side, " +
+               std::to_string(summary.points.front().num_runs) + " runs.";
+  return drawn;
+}
+
+}  // namespace holdfast

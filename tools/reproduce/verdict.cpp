@@ -1,0 +1,41 @@
+#include "tools/reproduce/verdict.h"
+
+#include <cmath>
+
+namespace holdfast {
+namespace {
+
+constexpr double kStandardErrors = 4.0;
+constexpr double kBandShareMax = 0.1;
+
+}  // namespace
+
+double verdict_band(const Uncertain& ours, const Uncertain& reference) {
+  return kStandardErrors * std::hypot(ours.standard_error, reference.standard_error);
+}
+
+Verdict compare(const Uncertain& ours, const Uncertain& reference) {
+  const double band = verdict_band(ours, reference);
+  const double distance = std::abs(ours.value - reference.value);
+  if (!std::isfinite(band) || !std::isfinite(distance)) return Verdict::kCannotTell;
+  if (distance > band) return Verdict::kDiffers;
+  return band < kBandShareMax * std::abs(reference.value) ? Verdict::kAgrees : Verdict::kCannotTell;
+}
+
+bool is_reference_too_wide(const Uncertain& reference) {
+  return kStandardErrors * reference.standard_error >= kBandShareMax * std::abs(reference.value);
+}
+
+std::string verdict_text(Verdict verdict, bool is_chosen_by_us) {
+  switch (verdict) {
+    case Verdict::kAgrees:
+      return is_chosen_by_us ? "consistent with" : "reproduced";
+    case Verdict::kDiffers:
+      return "differs";
+    case Verdict::kCannotTell:
+      break;
+  }
+  return "cannot tell";
+}
+
+}  // namespace holdfast

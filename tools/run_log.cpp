@@ -1,0 +1,89 @@
+#include "tools/run_log.h"
+
+#include <holdfast/attack_frame_t.hpp>
+#include <holdfast/attack_signal_t.hpp>
+#include <holdfast/can_frames_t.hpp>
+#include <holdfast/estimate_t.hpp>
+#include <holdfast/measurement_set_t.hpp>
+#include <holdfast/run_meta_t.hpp>
+#include <holdfast/truth_t.hpp>
+
+#include "attacker/attack_messages.h"
+#include "common/log_file.h"
+#include "common/measurement_messages.h"
+#include "common/run_meta.h"
+#include "common/status.h"
+#include "drivers/can/can_messages.h"
+#include "estimators/estimate_messages.h"
+#include "plant/truth_messages.h"
+#include "tools/simulation.h"
+
+namespace holdfast {
+namespace {
+
+class RunLog {
+ public:
+  RunLog(const Experiment& experiment, LogWriter& writer)
+      : experiment_(experiment), writer_(writer) {
+    frames_.bus = "loop:";
+  }
+
+  void write(const Simulation& simulation) {
+    const std::int64_t utime = simulation.measurements().utime;
+    to_message(simulation.truth(), utime, truth_);
+    writer_.write_message("PLANT_TRUTH", utime, truth_);
+    for (const AttackSignal& signal : simulation.truth().attack_signals) {
+      to_message(signal, simulation.truth().step, utime, signal_);
+      writer_.write_message("ATTACK_SIGNAL", utime, signal_);
+    }
+    for (const AttackRecord& record : simulation.attack_records()) {
+      to_message(record, experiment_.rules, experiment_.model.step_s, attack_);
+      writer_.write_message("ATTACK_FRAME", utime, attack_);
+    }
+    if (experiment_.has_bus() && experiment_.record_frames) write_frames(simulation, utime);
+    to_message(simulation.measurements(), measurement_);
+    writer_.write_message("MEASUREMENT", utime, measurement_);
+    for (std::size_t i = 0; i < simulation.estimates().size(); ++i) {
+      to_message(*simulation.estimates()[i], estimate_);
+      writer_.write_message(channel_name("EST_", simulation.entries()[i]->name), utime, estimate_);
+    }
+  }
+
+ private:
+  // The simulated buses lose nothing: the driver reads what the attacker sent.
+  void write_frames(const Simulation& simulation, std::int64_t utime) {
+    frames_.utime = utime;
+    frames_.step = simulation.truth().step;
+    frames_.frames.clear();
+    for (const CanFrame& frame : simulation.sent_frames())
+      to_message(frame, num_frames_++, frames_.frames.emplace_back());
+    frames_.num_frames = static_cast<std::int32_t>(frames_.frames.size());
+    writer_.write_message("CAN_TX", utime, frames_);
+    writer_.write_message("CAN_RX", utime, frames_);
+  }
+
+  const Experiment& experiment_;
+  LogWriter& writer_;
+  truth_t truth_;
+  attack_signal_t signal_;
+  attack_frame_t attack_;
+  can_frames_t frames_;
+  measurement_set_t measurement_;
+  estimate_t estimate_;
+  std::int64_t num_frames_ = 0;
+};
+
+}  // namespace
+
+void write_run_log(const Experiment& experiment, std::uint32_t run, const std::string& file) {
+  LogWriter writer(file + ".part");
+  run_meta_t meta = to_message(RunMeta{experiment.name, experiment.resolved, experiment.seed, run,
+                                       experiment.kernel_text()});
+  writer.write_message("RUN_META", 0, meta);
+  RunLog log(experiment, writer);
+  Simulation simulation(experiment, run);
+  while (simulation.advance()) log.write(simulation);
+  writer.finish_as(file);
+}
+
+}  // namespace holdfast
