@@ -17,6 +17,7 @@ struct Command {
 constexpr Command kCommands[] = {
     {"run", "run a scenario live and print its results"},
     {"campaign", "run a scenario many times in process"},
+    {"reproduce", "run a paper's figures and tables and compare"},
     {"review", "errors, counters, labels and comparison of logs"},
     {"plant", "simulate the plant of a scenario"},
     {"attacker", "the man in the middle between two buses"},
