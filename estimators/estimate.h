@@ -40,8 +40,8 @@ struct Estimate {
   std::vector<HypothesisEstimate> hypotheses;
   std::vector<std::int64_t> packet_rx_index;
   std::vector<double> packet_probability;  // posterior of each packet being authentic
-  Eigen::VectorXd innovation;             // [m], y - C x_pred
-  Eigen::MatrixXd innovation_covariance;  // [m x m]
+  Eigen::VectorXd innovation;              // [m], y - C x_pred
+  Eigen::MatrixXd innovation_covariance;   // [m x m]
 };
 
 }  // namespace holdfast

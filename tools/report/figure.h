@@ -11,7 +11,7 @@ struct FigureSeries {
 
   std::string name;
   std::vector<double> x, y;
-  std::vector<double> low, high;  // band around the curve; empty for none
+  std::vector<double> low = {}, high = {};  // band around the curve; empty for none
   Style style = Style::kLine;
   bool is_dashed = false;
 };
@@ -33,12 +33,12 @@ struct FigureSpan {
 struct Figure {
   std::string name;                     // of its file: lower-case letters, digits, '_'
   std::string title, x_label, y_label;  // with units
-  std::vector<FigureSeries> series;
-  std::vector<FigureLevel> levels;
-  std::vector<FigureSpan> spans;
+  std::vector<FigureSeries> series = {};
+  std::vector<FigureLevel> levels = {};
+  std::vector<FigureSpan> spans = {};
   bool has_log_y = false;
   bool has_equal_axes = false;  // a map: one scale for x and y
-  std::string note;             // one sentence below, e.g. what the band is
+  std::string note = {};        // one sentence below, e.g. what the band is
 };
 
 /// Rows of cells under a header.
@@ -46,15 +46,15 @@ struct ReportTable {
   std::string title;
   std::vector<std::string> header;
   std::vector<std::vector<std::string>> rows;
-  std::string note;
+  std::string note = {};
 };
 
 /// Everything on one report page, in this order.
 struct Report {
   std::string title, subtitle;
-  std::vector<std::string> warnings;
-  std::vector<ReportTable> tables;
-  std::vector<Figure> figures;
+  std::vector<std::string> warnings = {};
+  std::vector<ReportTable> tables = {};
+  std::vector<Figure> figures = {};
 };
 
 }  // namespace holdfast

@@ -19,7 +19,8 @@ double verdict_band(const Uncertain& ours, const Uncertain& reference);
 /// not finite.
 Verdict compare(const Uncertain& ours, const Uncertain& reference);
 
-/// True when the reference's own error makes the band too wide, so that no number of runs helps.
+/// True when the reference's own error takes nine tenths of the widest band or more, so that no
+/// reasonable number of runs helps.
 bool is_reference_too_wide(const Uncertain& reference);
 
 /// Word of the table: "reproduced", or "consistent with" where the paper leaves something open that
