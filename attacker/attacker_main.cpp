@@ -40,6 +40,7 @@ int run(const AttackerOptions& options) {
   bus_options.on_event = [&attacker](const std::string& event) { attacker.remark(event); };
   const std::unique_ptr<CanBus> from = open_can_bus(options.from, bus_options);
   bus_options.may_write = true;
+  bus_options.wants_frames = false;
   const std::unique_ptr<CanBus> to = open_can_bus(options.to, bus_options);
 
   EventLoop loop;
@@ -48,8 +49,8 @@ int run(const AttackerOptions& options) {
     attacker.on_readable(*from, *to);
     if (attacker.is_finished()) loop.stop();
   });
-  // Frames on the monitor side are not ours to forward; reading keeps its queue short and tells its
-  // state.
+  // Frames on the monitor side are not ours to forward; reading tells the bus's state, and keeps the
+  // queue short where the bus delivers them all the same.
   std::array<CanFrame, 64> ignored;
   loop.watch_bus(*to, [&] {
     while (to->read(ignored) == ignored.size()) continue;

@@ -58,6 +58,7 @@ struct BusOptions {
   double write_timeout_s = 10.0;
   int receive_buffer_bytes = 8 << 20;
   bool wants_receive_times = true;  // the kernel's stamp on each frame
+  bool wants_frames = true;  // false: for writing only; the kernel need not deliver others' frames
   /// Told what happens: "vcan0 is down", "vcan0 is up again", "bus-off". May be empty.
   std::function<void(const std::string&)> on_event;
 };

@@ -169,7 +169,8 @@ void SocketCanBus::bind_to(int index) {
   // With the interface the kernel also takes the socket's filters away: all frames must be asked
   // for.
   const can_filter all_frames{};
-  setsockopt(socket_.get(), SOL_CAN_RAW, CAN_RAW_FILTER, &all_frames, sizeof all_frames);
+  setsockopt(socket_.get(), SOL_CAN_RAW, CAN_RAW_FILTER, &all_frames,
+             options_.wants_frames ? sizeof all_frames : 0);
   sockaddr_can address{};
   address.can_family = AF_CAN;
   address.can_ifindex = index;

@@ -2,9 +2,11 @@
 
 #include <linux/can.h>
 #include <linux/can/error.h>
+#include <poll.h>
 #include <sys/socket.h>
 
 #include <cstring>
+#include <memory>
 #include <stdexcept>
 #include <thread>
 
@@ -75,6 +77,38 @@ TEST_CASE("a waiting read takes what comes meanwhile, and comes back when nothin
   writer.join();
   CHECK(numbers == std::vector<std::uint32_t>{1, 2});
   CHECK(two.read(frames) == 0);
+}
+
+TEST_CASE("who waits in reads is not woken twice, and the descriptor tells again afterwards") {
+  Pair pair;
+  auto partner = std::make_unique<SocketCanBus>(std::move(pair.near), "one", writable());
+  SocketCanBus& one = *partner;
+  SocketCanBus two(std::move(pair.far), "two", {});
+  const auto tells = [&two] {
+    pollfd wake{two.file_descriptor(), POLLIN, 0};
+    return poll(&wake, 1, 0) == 1;
+  };
+  std::array<CanFrame, 8> frames;
+  const auto wait_for_one = [&] {
+    one.write(std::array{numbered_frame(1)});
+    REQUIRE(two.read_waiting(frames) >= 1);
+    one.write(std::array{numbered_frame(2)});
+    CHECK_FALSE(tells());  // the next wait takes it
+  };
+  wait_for_one();
+  REQUIRE(two.read(frames) >= 1);  // ends the waiting
+  one.write(std::array{numbered_frame(3)});
+  CHECK(tells());
+  wait_for_one();
+  while (two.read_waiting(frames) > 0) continue;  // one that came back with nothing ends it too
+  one.write(std::array{numbered_frame(4)});
+  CHECK(tells());
+  // The other end may go while the descriptor is out.
+  wait_for_one();
+  partner.reset();
+  while (two.read_waiting(frames) > 0) continue;
+  CHECK(two.at_end());
+  CHECK_FALSE(tells());
 }
 
 TEST_CASE("more frames than a batch, and than the queue, keep their order") {

@@ -111,6 +111,18 @@ TEST_CASE("we see what cansend sends, with the kernel's receive time") {
   }
 }
 
+TEST_CASE("a bus for writing only is not sent the others' frames") {
+  BusOptions options = writable();
+  options.wants_frames = false;
+  const auto quiet = open_can_bus("socketcan:vcan0", options), other = open_vcan(0);
+  const CanFrame first = numbered_frame(1), second = numbered_frame(2);
+  REQUIRE(other->write(std::span(&first, 1)) == 1);
+  REQUIRE(quiet->write(std::span(&second, 1)) == 1);
+  check_equal(read_frames(*other, 1), {second});  // by now the first would have arrived
+  std::array<CanFrame, 4> none;
+  CHECK(quiet->read(none) == 0);
+}
+
 TEST_CASE("canplayer plays a log that we wrote, and the bus reads it back") {
   const TemporaryFolder folder;
   const std::string file = folder.file("frames.log");
