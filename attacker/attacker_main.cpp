@@ -49,8 +49,8 @@ int run(const AttackerOptions& options) {
     attacker.on_readable(*from, *to);
     if (attacker.is_finished()) loop.stop();
   });
-  // Frames on the monitor side are not ours to forward; reading tells the bus's state, and keeps the
-  // queue short where the bus delivers them all the same.
+  // Frames on the monitor side are not ours to forward; reading tells the bus's state, and keeps
+  // the queue short where the bus delivers them all the same.
   std::array<CanFrame, 64> ignored;
   loop.watch_bus(*to, [&] {
     while (to->read(ignored) == ignored.size()) continue;

@@ -50,17 +50,29 @@ bool LogReader::finish(std::int64_t event_end, bool looks_like_event) {
 bool LogReader::next(LogEvent& event) {
   const std::int64_t event_end = std::ftell(file_.get());
   bool looks_like_event = false;  // what stands right after the last event, as far as it goes
+  bool goes_back = false;
   for (std::int64_t start = event_end;;) {
     std::array<std::uint8_t, kHeaderBytes> header{};
     const std::size_t got = std::fread(header.data(), 1, kHeaderBytes, file_.get());
-    if (got == 0 && start == event_end) return false;
+    if (got == 0 && start == event_end && !goes_back) return false;
     const bool is_synchronised = std::equal(
         header.begin(), header.begin() + std::min<std::size_t>(got, 4), kSyncBytes.begin());
     const std::uint64_t channel_bytes = big_endian(&header[20], 4);
     const std::uint64_t data_bytes = big_endian(&header[24], 4);
     const bool is_event =
         is_synchronised && channel_bytes >= 1 && channel_bytes <= kChannelBytesMax;
-    if (start == event_end) looks_like_event = got < kHeaderBytes ? is_synchronised : is_event;
+    if (start == event_end && !goes_back) {
+      looks_like_event = got < kHeaderBytes ? is_synchronised : is_event;
+      // No event follows the last one, so its length may be wrong and others may stand in it. Once
+      // for the same bytes: a file can hold events within events.
+      if (!is_synchronised && last_start_ >= searched_until_) {
+        goes_back = true;
+        searched_until_ = event_end;
+        start = last_start_ + 1;
+        std::fseek(file_.get(), static_cast<long>(start), SEEK_SET);
+        continue;
+      }
+    }
     if (got < kHeaderBytes) return finish(event_end, looks_like_event);
     const auto left = static_cast<std::uint64_t>(size_ - start) - kHeaderBytes;
     if (is_event && channel_bytes + data_bytes <= left) {
@@ -72,7 +84,8 @@ bool LogReader::next(LogEvent& event) {
           std::fread(event.data.data(), 1, data_bytes, file_.get()) != data_bytes) {
         return finish(event_end, looks_like_event);
       }
-      damaged_bytes_ += start - event_end;
+      damaged_bytes_ += start - (start < event_end ? last_start_ : event_end);
+      last_start_ = start;
       return true;
     }
     // The next sync word can only begin where its first byte stands.

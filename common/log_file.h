@@ -25,7 +25,9 @@ class LogReader {
  public:
   /// Throws UsageError when the file cannot be opened.
   explicit LogReader(const std::string& file);
-  /// Next event; false at the end. Damage is skipped up to the next sync word, and counted.
+  /// Next event; false at the end. Damage is skipped up to the next sync word, and counted; after
+  /// an event that no other one follows, the search also goes through that event's own bytes, since
+  /// a damaged length swallows what stands behind it.
   bool next(LogEvent& event);
   /// Bytes skipped between events.
   std::int64_t damaged_bytes() const { return damaged_bytes_; }
@@ -40,6 +42,8 @@ class LogReader {
 
   std::unique_ptr<std::FILE, Closer> file_;
   std::int64_t size_ = 0;
+  std::int64_t last_start_ = -1;     // of the last event
+  std::int64_t searched_until_ = 0;  // end of the last event that was searched
   std::int64_t damaged_bytes_ = 0;
   bool tail_is_torn_ = false;
 };

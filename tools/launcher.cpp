@@ -308,7 +308,8 @@ class Launcher {
   std::string report() {
     try {
       return "\n" + write_review_report(log_, folder_) + "\nlog        " + log_ + "\nreport     " +
-             folder_ + "/review.txt, review.json\npath       " + folder_ + "/path.svg\n";
+             folder_ + "/report.html (also review.txt, review.json)\npath       " + folder_ +
+             "/path.svg\n";
     } catch (const std::exception& error) {
       fail(std::string("the log cannot be reviewed: ") + error.what());
       return "";

@@ -1,24 +1,16 @@
 #include "tools/log_compare.h"
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <holdfast/attack_frame_t.hpp>
-#include <holdfast/attack_signal_t.hpp>
-#include <holdfast/can_frames_t.hpp>
-#include <holdfast/estimate_t.hpp>
-#include <holdfast/known_input_t.hpp>
-#include <holdfast/measurement_set_t.hpp>
 #include <holdfast/run_meta_t.hpp>
-#include <holdfast/truth_t.hpp>
 #include <regex>
 #include <set>
 #include <span>
 
 #include "common/errors.h"
 #include "common/log_file.h"
+#include "tools/log_fields.h"
 #include "tools/printable_text.h"
 #include "tools/scenario_facts.h"
 
@@ -27,37 +19,8 @@ namespace {
 
 using Bytes = std::span<const std::uint8_t>;
 
-constexpr std::size_t kFingerprintBytes = 8;
 constexpr int kDifferencesPerMessage = 3;
 constexpr std::string_view kIgnoredFields[] = {"seq", "measurement_seq", "receive_utime", "bus"};
-constexpr std::string_view kIntegerFields[] = {
-    "utime", "seq",           "step",          "measurement_seq", "input_step", "packet_rx_index",
-    "index", "receive_utime", "rx_index",      "tx_index",        "draw_index", "step_counter",
-    "seed",  "run",           "counter_value", "compute_time_ns", "latency_ns"};
-
-struct ChannelType {
-  const TypeLayout* layout;
-  std::int64_t fingerprint;
-  bool is_once_per_step;
-};
-
-template <class Message>
-ChannelType channel_type(bool is_once_per_step) {
-  return {layouts::of<Message>, Message::getHash(), is_once_per_step};
-}
-
-// The type that our channels carry; no layout for a channel that is none of ours.
-ChannelType type_of(const std::string& channel) {
-  if (channel.starts_with("EST_") || channel.starts_with("SMOOTHED_"))
-    return channel_type<estimate_t>(true);
-  if (channel == "MEASUREMENT") return channel_type<measurement_set_t>(true);
-  if (channel == "PLANT_TRUTH") return channel_type<truth_t>(true);
-  if (channel == "KNOWN_INPUT") return channel_type<known_input_t>(true);
-  if (channel == "ATTACK_SIGNAL") return channel_type<attack_signal_t>(false);
-  if (channel == "ATTACK_FRAME") return channel_type<attack_frame_t>(false);
-  if (channel == "CAN_RX" || channel == "CAN_TX") return channel_type<can_frames_t>(false);
-  return {nullptr, 0, false};
-}
 
 bool is_left_out(const std::string& channel) {
   return channel == "RUN_META" || channel.starts_with("TIMING_") || channel.starts_with("STATUS_");
@@ -71,66 +34,51 @@ struct Leaf {
   const FieldLayout* field = nullptr;
 };
 
-// Reads a message that passed the guard, by its layout: every length has been checked.
-class Flattener {
+// Collects the values of a message that count.
+class LeafCollector {
  public:
-  Flattener(Bytes bytes, std::vector<Leaf>& leaves) : bytes_(bytes), leaves_(leaves) {}
+  explicit LeafCollector(std::vector<Leaf>& leaves) : leaves_(leaves) {}
 
-  void read(const TypeLayout& type, const std::string& prefix) {
-    std::vector<std::int64_t> lengths(type.num_fields, 0);
-    for (std::size_t f = 0; f < type.num_fields; ++f) {
-      const FieldLayout& field = type.fields[f];
-      std::int64_t count = 1;
-      if (field.is_array) {
-        count = field.length_field >= 0 ? lengths[static_cast<std::size_t>(field.length_field)]
-                                        : static_cast<std::int64_t>(field.fixed_length);
-      }
-      const bool is_ignored = std::ranges::find(kIgnoredFields, std::string_view(field.name)) !=
-                              std::end(kIgnoredFields);
-      for (std::int64_t i = 0; i < count; ++i) {
-        std::string path = prefix + field.name;
-        if (field.is_array) path += '[' + std::to_string(i) + ']';
-        if (field.kind == FieldKind::kStruct) {
-          read(*field.nested, path + '.');
-          continue;
-        }
-        Leaf leaf{std::move(path), 0, "", &field};
-        if (field.kind == FieldKind::kString) {
-          const auto size = static_cast<std::size_t>(take(4));
-          leaf.text.assign(bytes_.begin(), bytes_.begin() + static_cast<std::ptrdiff_t>(size) - 1);
-          bytes_ = bytes_.subspan(size);
-        } else {
-          leaf.bits = take(field.element_bytes);
-        }
-        if (field.kind == FieldKind::kLength) lengths[f] = static_cast<std::int32_t>(leaf.bits);
-        if (!is_ignored) leaves_.push_back(std::move(leaf));
-      }
-    }
+  void enter(const FieldLayout& field, std::int64_t i) {
+    prefix_ends_.push_back(prefix_.size());
+    prefix_ += name_of(field, i) + '.';
+  }
+  void leave(const FieldLayout&) {
+    prefix_.resize(prefix_ends_.back());
+    prefix_ends_.pop_back();
+  }
+  void begin_field(const FieldLayout& field, std::int64_t) {
+    is_ignored_ =
+        std::ranges::find(kIgnoredFields, std::string_view(field.name)) != std::end(kIgnoredFields);
+  }
+  void value(const FieldLayout& field, std::int64_t i, const FieldValue& value) {
+    if (is_ignored_) return;
+    leaves_.push_back({prefix_ + name_of(field, i), value.bits, std::string(value.text), &field});
   }
 
  private:
-  std::uint64_t take(std::size_t count) {
-    std::uint64_t value = 0;
-    for (std::size_t i = 0; i < count; ++i) value = (value << 8) | bytes_[i];
-    bytes_ = bytes_.subspan(count);
-    return value;
+  static std::string name_of(const FieldLayout& field, std::int64_t i) {
+    return field.is_array ? field.name + ('[' + std::to_string(i) + ']') : field.name;
   }
 
-  Bytes bytes_;
   std::vector<Leaf>& leaves_;
+  std::string prefix_;
+  std::vector<std::size_t> prefix_ends_;
+  bool is_ignored_ = false;
 };
+
+void collect_leaves(const TypeLayout& type, Bytes message, std::vector<Leaf>& leaves) {
+  LeafCollector collector(leaves);
+  FieldReader(message).read(type, collector);
+}
 
 std::string shown(const Leaf& leaf) {
   if (leaf.field->kind == FieldKind::kString) return '\'' + printable(leaf.text, 80) + '\'';
-  if (leaf.field->element_bytes == 8 && !is_integer_field(leaf.field->name)) {
-    const auto value = std::bit_cast<double>(leaf.bits);
-    char text[64];
-    std::snprintf(text, sizeof text, std::isnan(value) ? "%g (0x%016llx)" : "%.17g", value,
-                  static_cast<unsigned long long>(leaf.bits));
-    return text;
-  }
-  const int unused_bits = 64 - 8 * static_cast<int>(leaf.field->element_bytes);
-  return std::to_string(static_cast<std::int64_t>(leaf.bits << unused_bits) >> unused_bits);
+  const std::string text = field_text(*leaf.field, leaf.bits);
+  if (text != "nan") return text;
+  char bits[32];
+  std::snprintf(bits, sizeof bits, "nan (0x%016llx)", static_cast<unsigned long long>(leaf.bits));
+  return bits;
 }
 
 // Messages of one log by channel and step; for channels that are none of ours all stand at step 0.
@@ -160,7 +108,7 @@ class LogComparison {
     while (reader.next(event)) {
       if (event.channel == "RUN_META" && log.campaign_only.empty()) note_scenario(event.data, log);
       if (is_left_out(event.channel) || !std::regex_match(event.channel, wanted)) continue;
-      const ChannelType type = type_of(event.channel);
+      const ChannelType type = channel_type(event.channel);
       if (type.layout == nullptr) {
         log.channels[event.channel][0].push_back(event.data);
       } else if (check_wire(*type.layout, type.fingerprint, event.data) != GuardVerdict::kOk) {
@@ -215,7 +163,7 @@ class LogComparison {
                               " are no messages of ours and were left out");
     }
     for (const auto& [channel, steps] : log.channels) {
-      if (!type_of(channel).is_once_per_step) continue;
+      if (!channel_type(channel).is_once_per_step) continue;
       const auto repeated = std::count_if(
           steps.begin(), steps.end(), [](const auto& entry) { return entry.second.size() > 1; });
       if (repeated == 0) continue;
@@ -254,7 +202,7 @@ class LogComparison {
   void compare_message(const std::string& channel, std::int64_t step, Bytes a, Bytes b) {
     ++result_.compared;
     ++result_.compared_by_channel[channel];
-    const ChannelType type = type_of(channel);
+    const ChannelType type = channel_type(channel);
     if (type.layout == nullptr) {
       if (std::ranges::equal(a, b)) return;
       ++result_.differing;
@@ -264,8 +212,8 @@ class LogComparison {
     }
     leaves_a_.clear();
     leaves_b_.clear();
-    Flattener(a.subspan(kFingerprintBytes), leaves_a_).read(*type.layout, "");
-    Flattener(b.subspan(kFingerprintBytes), leaves_b_).read(*type.layout, "");
+    collect_leaves(*type.layout, a, leaves_a_);
+    collect_leaves(*type.layout, b, leaves_b_);
     bool is_same = leaves_a_.size() == leaves_b_.size();
     int told = 0;
     for (std::size_t i = 0; i < std::min(leaves_a_.size(), leaves_b_.size()); ++i) {
@@ -300,10 +248,6 @@ std::regex parse_expression(const std::string& text) {
 }
 
 }  // namespace
-
-bool is_integer_field(std::string_view name) {
-  return std::ranges::find(kIntegerFields, name) != std::end(kIntegerFields);
-}
 
 CompareResult compare_logs(const std::string& file_a, const std::string& file_b,
                            const CompareOptions& options) {

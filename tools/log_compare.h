@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <map>
 #include <string>
-#include <string_view>
 #include <vector>
 
 namespace holdfast {
@@ -43,8 +42,5 @@ struct CompareResult {
 /// equal. Throws UsageError for a file that cannot be read and for a wrong expression.
 CompareResult compare_logs(const std::string& file_a, const std::string& file_b,
                            const CompareOptions& options = {});
-
-/// True for the 8-byte fields of lcmtypes/ that hold integers; all others hold doubles.
-bool is_integer_field(std::string_view name);
 
 }  // namespace holdfast

@@ -1,6 +1,5 @@
 #include "tools/log_review.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -11,26 +10,21 @@
 #include "common/log_file.h"
 #include "common/run_meta.h"
 #include "common/status.h"
+#include "tools/log_meta.h"
 #include "tools/log_trace.h"
 #include "tools/printable_text.h"
+#include "tools/review_metrics.h"
 #include "tools/scenario_facts.h"
 
 namespace holdfast {
 namespace {
 
-std::string outcome_name(std::int32_t outcome) {
-  switch (outcome) {
-    case estimate_t::OUTCOME_NO_PACKETS:
-      return "no_packets";
-    case estimate_t::OUTCOME_REFUSED_INPUT:
-      return "refused_input";
-    case estimate_t::OUTCOME_FACTORISATION_FAILED:
-      return "factorisation_failed";
-    case estimate_t::OUTCOME_DEGENERATE_WEIGHTS:
-      return "degenerate_weights";
-    default:
-      return "outcome_" + std::to_string(outcome);
-  }
+// Of an outcome that anybody may have logged.
+std::string name_of_outcome(std::int32_t outcome) {
+  const bool is_ours =
+      outcome >= 0 && outcome <= static_cast<std::int32_t>(StepOutcome::kDegenerateWeights);
+  return is_ours ? outcome_name(static_cast<StepOutcome>(outcome))
+                 : "outcome_" + std::to_string(outcome);
 }
 
 const char* state_name(std::int32_t state) {
@@ -50,8 +44,10 @@ const char* state_name(std::int32_t state) {
   }
 }
 
-TimeSummary summarise(std::vector<double> times_us) {
-  if (times_us.empty()) return {};
+TimeSummary summarise(const std::vector<StepTime>& times) {
+  if (times.empty()) return {};
+  std::vector<double> times_us;
+  for (const StepTime& time : times) times_us.push_back(time.time_us);
   std::sort(times_us.begin(), times_us.end());
   const auto rank = [&times_us](double share) {
     return times_us[static_cast<std::size_t>(
@@ -61,76 +57,22 @@ TimeSummary summarise(std::vector<double> times_us) {
   return {static_cast<std::int64_t>(times_us.size()), rank(0.5), rank(0.99), times_us.back()};
 }
 
-// Normalised estimation error squared, e' P^-1 e; none without a positive definite P of that size.
-std::optional<double> nees(const std::vector<double>& truth, const Sample& sample) {
-  const auto n = static_cast<Eigen::Index>(truth.size());
-  if (n == 0 || sample.mean.size() != truth.size() ||
-      sample.covariance.size() != truth.size() * truth.size()) {
-    return std::nullopt;
-  }
-  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const Eigen::MatrixXd P = Eigen::Map<const RowMajor>(sample.covariance.data(), n, n);
-  const Eigen::VectorXd error = Eigen::Map<const Eigen::VectorXd>(sample.mean.data(), n) -
-                                Eigen::Map<const Eigen::VectorXd>(truth.data(), n);
-  const Eigen::LLT<Eigen::MatrixXd> llt(P);
-  if (llt.info() != Eigen::Success) return std::nullopt;
-  const double value = error.dot(llt.solve(error));
-  return std::isfinite(value) ? std::optional<double>(value) : std::nullopt;
-}
-
-void review_errors(const LogTrace& trace, const EstimatorTrace& estimator,
-                   const std::vector<StateGroupFacts>& groups, EstimatorReview& review) {
-  std::vector<double> square_sum(groups.size(), 0.0);
-  std::vector<std::int64_t> count(groups.size(), 0);
-  double nees_sum = 0.0;
+// Counts steps by what can be said of them.
+void review_steps(const LogTrace& trace, const EstimatorTrace& estimator, EstimatorReview& review) {
   for (const auto& [step, sample] : estimator.samples) {
-    const bool is_finite = std::all_of(sample.mean.begin(), sample.mean.end(),
-                                       [](double v) { return std::isfinite(v); });
-    if (sample.outcome != estimate_t::OUTCOME_OK) ++review.outcomes[outcome_name(sample.outcome)];
+    const bool is_finite =
+        std::ranges::all_of(sample.mean, [](double v) { return std::isfinite(v); });
+    if (sample.outcome != estimate_t::OUTCOME_OK)
+      ++review.outcomes[name_of_outcome(sample.outcome)];
     if (!is_finite) ++review.non_finite_steps;
-    const auto truth = trace.truth.find(step);
-    if (truth == trace.truth.end() || !is_finite) continue;
-    ++review.num_steps;
-    const std::size_t shared = std::min(truth->second.size(), sample.mean.size());
-    for (std::size_t g = 0; g < groups.size(); ++g) {
-      const auto& states = groups[g].states;
-      if (states.empty() || *std::max_element(states.begin(), states.end()) >= shared) continue;
-      for (const std::size_t s : states)
-        square_sum[g] += std::pow(sample.mean[s] - truth->second[s], 2);
-      ++count[g];
-    }
-    if (const std::optional<double> value = nees(truth->second, sample)) {
-      nees_sum += *value;
-      ++review.nees_steps;
-    }
+    if (is_finite && trace.truth.contains(step)) ++review.num_steps;
   }
-  for (std::size_t g = 0; g < groups.size(); ++g) {
-    GroupError error{groups[g].name, groups[g].unit, std::nullopt};
-    if (count[g] > 0) error.rmse = std::sqrt(square_sum[g] / static_cast<double>(count[g]));
-    review.errors.push_back(error);
-  }
-  if (review.nees_steps > 0) review.nees_mean = nees_sum / static_cast<double>(review.nees_steps);
 }
 
-void review_packets(const FrameLabels& labels, const EstimatorTrace& estimator,
-                    EstimatorReview& review) {
-  std::vector<std::pair<double, bool>> scores;
-  for (const auto& [rx_index, posterior] : estimator.packet_posteriors) {
-    const PacketLabel label = labels.find(rx_index).label;
-    if (label == PacketLabel::kUnknown) continue;
-    scores.emplace_back(1.0 - posterior, label != PacketLabel::kAuthentic);
-  }
-  review.packets_scored = static_cast<std::int64_t>(scores.size());
-  review.packet_auc = area_under_curve(std::move(scores));
-}
-
-// "x_position_m" and "m": "x position [m]".
-std::string axis_label(const std::vector<std::string>& names, std::size_t state,
-                       const std::string& unit) {
-  std::string label = state < names.size() ? names[state] : "state " + std::to_string(state);
-  if (!unit.empty() && label.ends_with("_" + unit)) label.resize(label.size() - unit.size() - 1);
-  std::replace(label.begin(), label.end(), '_', ' ');
-  return unit.empty() ? label : label + " [" + unit + "]";
+std::int64_t count_scored_packets(const FrameLabels& labels, const EstimatorTrace& estimator) {
+  return std::ranges::count_if(estimator.packet_posteriors, [&labels](const auto& posterior) {
+    return labels.find(posterior.first).label != PacketLabel::kUnknown;
+  });
 }
 
 class Reviewer {
@@ -140,6 +82,15 @@ class Reviewer {
 
   void run() {
     review_.num_steps = trace_.num_steps;
+    review_.num_scored = trace_.num_scored;
+    review_.family = facts_.family;
+    review_.metrics_options.seed = review_.seed;
+    review_.metrics_options.detection_threshold = facts_.detection_threshold;
+    review_.metrics_options.groups = facts_.groups;
+    review_.is_attacked = attacked_steps(trace_);
+    review_.backward_log_times = trace_.backward_log_times;
+    review_.backward_log_us = trace_.backward_log_us;
+    review_.foreign = trace_.foreign;
     review_.truth_steps = static_cast<std::int64_t>(trace_.truth.size());
     review_.measurement_steps = static_cast<std::int64_t>(trace_.measurement_steps.size());
     review_processes();
@@ -202,7 +153,7 @@ class Reviewer {
   }
 
   void review_estimators() {
-    std::map<std::string, EstimatorTrace> outsiders = trace_.estimators;
+    std::set<std::string> insiders;
     for (const auto& [name, is_campaign_only] : facts_.estimators) {
       const std::string suffix = channel_name("", name);
       const auto found = trace_.estimators.find(suffix);
@@ -212,14 +163,32 @@ class Reviewer {
       review.is_campaign_only = is_campaign_only && found == trace_.estimators.end();
       review_estimator(found == trace_.estimators.end() ? EstimatorTrace{} : found->second, suffix,
                        review);
-      outsiders.erase(suffix);
+      insiders.insert(suffix);
     }
-    for (const auto& [suffix, estimator] : outsiders) {
-      if (estimator.samples.empty()) continue;
+    for (const auto& [suffix, estimator] : pick_outsiders(insiders)) {
       EstimatorReview review;
       review.name = suffix;
-      review_estimator(estimator, suffix, review);
+      review_estimator(*estimator, suffix, review);
     }
+  }
+
+  // Whoever can write to the network can invent estimators; those with most estimates count.
+  std::map<std::string, const EstimatorTrace*> pick_outsiders(
+      const std::set<std::string>& insiders) {
+    constexpr std::size_t kOutsidersMax = 64;
+    std::vector<std::pair<std::string, const EstimatorTrace*>> all;
+    for (const auto& [suffix, estimator] : trace_.estimators) {
+      if (!estimator.samples.empty() && !insiders.contains(suffix))
+        all.emplace_back(suffix, &estimator);
+    }
+    std::ranges::stable_sort(all, std::ranges::greater(),
+                             [](const auto& entry) { return entry.second->samples.size(); });
+    if (all.size() > kOutsidersMax) {
+      warn("left out: " + std::to_string(all.size() - kOutsidersMax) +
+           " channels EST_* that the scenario does not name, those with fewest estimates");
+      all.resize(kOutsidersMax);
+    }
+    return {all.begin(), all.end()};
   }
 
   void review_estimator(const EstimatorTrace& estimator, const std::string& suffix,
@@ -231,37 +200,45 @@ class Reviewer {
             ? 0
             : std::max<std::int64_t>(
                   0, trace_.num_steps - static_cast<std::int64_t>(estimator.samples.size()));
-    review_errors(trace_, estimator, facts_.groups, review);
-    review_packets(review_.frames, estimator, review);
-    review.compute_time = summarise(estimator.compute_time_us);
-    review.latency = summarise(estimator.latency_us);
-    if (const StateGroupFacts* position = position_group()) {
+    review_steps(trace_, estimator, review);
+    review.packets_scored = count_scored_packets(review_.frames, estimator);
+    review_scores(review_, score_estimator(facts_, trace_, review_.frames, estimator), review);
+    // Somebody may have logged thousands of estimators with an estimate each.
+    if (2 * static_cast<std::int64_t>(estimator.samples.size()) < review_.num_scored) {
+      review.scores = {};
+      review.metrics.curves.clear();
+    }
+    review.compute_time = summarise(estimator.compute_time);
+    review.latency = summarise(estimator.latency);
+    if (const StateGroup* position = position_group()) {
       for (const auto& [step, sample] : estimator.samples)
         add_point(sample.mean, *position, review.path);
     }
     review_.estimators.push_back(std::move(review));
   }
 
-  const StateGroupFacts* position_group() const {
-    for (const StateGroupFacts& group : facts_.groups) {
+  const StateGroup* position_group() const {
+    for (const StateGroup& group : facts_.groups) {
       if (group.name == "position" && group.states.size() >= 2) return &group;
     }
     return nullptr;
   }
 
-  static void add_point(const std::vector<double>& state, const StateGroupFacts& position,
+  static void add_point(const std::vector<double>& state, const StateGroup& position,
                         std::vector<PlotPoint>& path) {
-    if (std::max(position.states[0], position.states[1]) >= state.size()) return;
-    path.push_back({state[position.states[0]], state[position.states[1]]});
+    const auto x = static_cast<std::size_t>(position.states[0]);
+    const auto y = static_cast<std::size_t>(position.states[1]);
+    if (std::max(x, y) < state.size()) path.push_back({state[x], state[y]});
   }
 
   void review_path() {
-    const StateGroupFacts* position = position_group();
+    const StateGroup* position = position_group();
     if (position == nullptr) return;
-    for (const auto& [step, state] : trace_.truth) add_point(state, *position, review_.true_path);
+    for (const auto& [step, truth] : trace_.truth)
+      add_point(truth.state, *position, review_.true_path);
     review_.sensors = facts_.sensors;
-    review_.x_label = axis_label(facts_.state_names, position->states[0], position->unit);
-    review_.y_label = axis_label(facts_.state_names, position->states[1], position->unit);
+    review_.x_label = state_label(facts_, position->states[0]);
+    review_.y_label = state_label(facts_, position->states[1]);
   }
 
   void add_loss(const std::string& where, const std::string& counter, std::int64_t count) {
@@ -273,10 +250,7 @@ class Reviewer {
   void review_losses() {
     for (const ProcessReview& process : review_.processes) {
       for (const auto& [counter, value] : process.counters) {
-        if (counter == "lcm_lost" || counter.ends_with("kernel_dropped") ||
-            counter.ends_with("write_dropped")) {
-          add_loss(process.name, counter, value);
-        }
+        if (is_loss_counter(counter)) add_loss(process.name, counter, value);
       }
       review_.refused_by_processes +=
           std::clamp<std::int64_t>(process.counter("lcm_refused"), 0, kCountMax);
@@ -285,7 +259,8 @@ class Reviewer {
     for (const auto& [channel, trouble] : trace_.troubles) {
       review_.refused_in_log += trouble.num_refused();
       add_loss("log", "missing on " + channel, trouble.missing_seq);
-      if (trouble.num_refused() + trouble.missing_seq + trouble.backward_seq + trouble.odd_step >
+      if (trouble.num_refused() + trouble.missing_seq + trouble.backward_seq + trouble.odd_step +
+              trouble.backward_utime >
           0) {
         review_.troubles[channel] = trouble;
       }
@@ -310,6 +285,20 @@ class Reviewer {
     if (review_.damaged_bytes > 0)
       warn(std::to_string(review_.damaged_bytes) +
            " bytes of the log are damaged and were skipped");
+    if (trace_.left_out > 0) {
+      warn("left out: " + std::to_string(trace_.left_out) +
+           " events of channels beyond the first thousand that the scenario does not name");
+    }
+    if (review_.backward_log_us > kBackwardAllowance_us) {
+      warn(
+          "the log's time goes back " + std::to_string(review_.backward_log_times) +
+          " times, by more than a logger's queue explains; the review goes by steps, so nothing is "
+          "lost by that");
+    }
+    if (review_.num_scored < review_.num_steps) {
+      warn("steps after " + std::to_string(review_.num_scored) +
+           " have no place in the metrics: the log's steps do not follow each other");
+    }
     if (review_.tail_is_torn) warn("the log ends in the middle of an event");
     if (trace_.scenario_hashes.size() > 1)
       warn("the log holds more than one scenario; the first one counts");
@@ -317,6 +306,9 @@ class Reviewer {
       if (trouble.backward_seq > 0) {
         warn(channel + ": seq went back " + std::to_string(trouble.backward_seq) +
              " times, so the channel has a second producer or the log a second run");
+      }
+      if (trouble.backward_utime > 0) {
+        warn(channel + ": utime went back " + std::to_string(trouble.backward_utime) + " times");
       }
       if (trouble.odd_step > 0) {
         warn(channel + ": " + std::to_string(trouble.odd_step) +
@@ -334,6 +326,9 @@ class Reviewer {
     add(estimator.non_finite_steps, " estimates that are not finite, left out of the errors");
   }
 
+  // A message is stamped when its first part arrives and logged when it is complete, so stamps of
+  // a sound log can be a little out of order.
+  static constexpr std::int64_t kBackwardAllowance_us = 100'000;
   // Keeps a sum of counters that anybody may have written from overflowing.
   static constexpr std::int64_t kCountMax = std::int64_t{1} << 40;
 
@@ -355,21 +350,36 @@ std::int64_t ChannelTrouble::num_refused() const {
   return sum;
 }
 
-RunReview review_log(const std::string& file) {
-  const RunMeta meta = read_run_meta(file);
-  RunReview review;
+ReviewedLog::ReviewedLog() = default;
+ReviewedLog::~ReviewedLog() = default;
+ReviewedLog::ReviewedLog(ReviewedLog&&) noexcept = default;
+
+ReviewedLog read_reviewed_log(const std::string& file) {
+  const LoggedMeta logged = read_logged_meta(file);
+  const RunMeta& meta = logged.meta;
+  ReviewedLog log;
+  RunReview& review = log.review;
   review.file = file;
   review.name = meta.name;
   review.seed = meta.seed;
   review.run = meta.run;
   review.scenario_hash = scenario_hash(meta.scenario);
-  const ScenarioFacts facts = read_scenario_facts(meta.scenario, file);
+  log.facts = std::make_unique<ScenarioFacts>(facts_of(logged, file));
+  if (logged.is_damaged) {
+    review.warnings.emplace_back(
+        "the scenario in RUN_META is damaged: names, units, groups and the number of steps may be "
+        "wrong or missing");
+  }
   LogReader reader(file);
-  const LogTrace trace = collect_trace(reader, facts.num_steps, review.num_events);
+  log.trace = std::make_unique<LogTrace>(collect_trace(reader, *log.facts, review.num_events));
   review.damaged_bytes = reader.damaged_bytes();
   review.tail_is_torn = reader.tail_is_torn();
-  Reviewer(facts, trace, review).run();
-  return review;
+  Reviewer(*log.facts, *log.trace, review).run();
+  return log;
+}
+
+RunReview review_log(const std::string& file) {
+  return std::move(read_reviewed_log(file).review);
 }
 
 void write_labels_csv(const RunReview& review, const std::string& file) {

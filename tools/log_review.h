@@ -2,11 +2,13 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "tools/metrics/metrics.h"
 #include "tools/packet_labels.h"
 #include "tools/path_plot.h"
 
@@ -41,6 +43,8 @@ struct EstimatorReview {
   std::int64_t packets_scored = 0;
   TimeSummary compute_time, latency;
   std::vector<PlotPoint> path;
+  EstimatorMetrics metrics;  // of this run alone
+  RunScores scores;          // kept when it has estimates of at least half the steps
 };
 
 struct ProcessReview {
@@ -69,6 +73,7 @@ struct ChannelTrouble {
   std::int64_t missing_seq = 0;                 // lost on the way to the logger
   std::int64_t backward_seq = 0;                // a second producer, or two runs in one log
   std::int64_t odd_step = 0;                    // step that is none of the scenario's
+  std::int64_t backward_utime = 0;              // time of validity before that of the one before
 
   std::int64_t num_refused() const;
 };
@@ -85,6 +90,10 @@ struct RunReview {
   std::string file, name;
   std::int64_t seed = 0, run = 0, num_steps = 0;
   std::string scenario_hash;
+  std::string family;           // hash of the scenario but for its seed
+  std::int64_t num_scored = 0;  // steps that the metrics have room for
+  MetricsOptions metrics_options;
+  std::vector<double> is_attacked;  // [num_scored] 1 or 0; empty when the log does not tell
   std::int64_t truth_steps = 0, measurement_steps = 0;
   std::vector<EstimatorReview> estimators;  // scenario's order, then outsiders by channel
   std::vector<ProcessReview> processes;
@@ -100,7 +109,10 @@ struct RunReview {
   std::int64_t losses_in_all = 0;
   std::int64_t refused_in_log = 0, refused_by_processes = 0;
   std::map<std::string, ChannelTrouble> troubles;  // channels with any
+  std::map<std::string, std::int64_t> foreign;     // events of channels that are none of ours
   std::int64_t num_events = 0, damaged_bytes = 0;
+  std::int64_t backward_log_times = 0;  // events that the logger stamped before the one before
+  std::int64_t backward_log_us = 0;     // the farthest back
   bool tail_is_torn = false;
   std::vector<std::string> warnings;
 
@@ -108,12 +120,24 @@ struct RunReview {
   std::string x_label, y_label;
 };
 
-/// Reads a log of one run, however damaged, and reviews it.
-///
-/// RMSE of a group: sqrt of the mean over steps of the sum over the group's states of the squared
-/// error. Throws UsageError when the file cannot be read, holds no RUN_META, or its scenario is no
-/// YAML.
+struct LogTrace;
+struct ScenarioFacts;
+
+/// Reads a log of one run, however damaged, and reviews it; errors are those of docs/metrics.md.
+/// Throws UsageError when the file cannot be read, holds no RUN_META, or its scenario is no YAML.
 RunReview review_log(const std::string& file);
+
+/// A review with what it was made from, for figures.
+struct ReviewedLog {
+  ReviewedLog();
+  ~ReviewedLog();
+  ReviewedLog(ReviewedLog&&) noexcept;
+
+  RunReview review;
+  std::unique_ptr<ScenarioFacts> facts;
+  std::unique_ptr<LogTrace> trace;
+};
+ReviewedLog read_reviewed_log(const std::string& file);
 
 /// Packets with their labels: step, rx_index, source, label, tx_index, rule. Throws JobError.
 void write_labels_csv(const RunReview& review, const std::string& file);

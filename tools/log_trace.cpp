@@ -1,7 +1,9 @@
 #include "tools/log_trace.h"
 
 #include <algorithm>
+#include <cmath>
 #include <holdfast/attack_frame_t.hpp>
+#include <holdfast/attack_signal_t.hpp>
 #include <holdfast/can_frames_t.hpp>
 #include <holdfast/estimate_t.hpp>
 #include <holdfast/measurement_set_t.hpp>
@@ -10,21 +12,39 @@
 #include <holdfast/truth_t.hpp>
 #include <limits>
 
+#include "common/status.h"
+#include "tools/log_fields.h"
+#include "tools/scenario_facts.h"
+
 namespace holdfast {
 namespace {
+
+// Tables over steps that somebody made up would take memory that the file does not stand for.
+constexpr std::int64_t kStepsPerMessage = 2, kSpareSteps = 1000;
+
+// Whoever can write to the network can invent channels, each of which takes memory.
+constexpr std::size_t kOtherChannelsMax = 1000;
+
+// Keeps a sum of counters that anybody may have written from overflowing.
+constexpr std::int64_t kCountMax = std::int64_t{1} << 40;
 
 // A larger jump of seq is a forged number, not a loss that a logger could have had.
 constexpr std::int64_t kLossJumpMax = 1'000'000;
 
 class LogCollector {
  public:
-  explicit LogCollector(LogTrace& trace) : trace_(trace) {}
+  LogCollector(LogTrace& trace, const ScenarioFacts& facts) : trace_(trace) {
+    for (const char* process : {"plant", "driver", "attacker"})
+      known_channels_.insert(channel_name("STATUS_", process));
+    for (const auto& [name, is_campaign_only] : facts.estimators) {
+      for (const char* prefix : {"EST_", "TIMING_", "STATUS_"})
+        known_channels_.insert(channel_name(prefix, name));
+    }
+  }
 
   void on_event(const LogEvent& event) {
+    note_log_time(event.utime);
     const std::string& channel = event.channel;
-    const auto suffix = [&channel](const char* prefix) {
-      return channel.substr(std::string(prefix).size());
-    };
     if (channel == "PLANT_TRUTH") {
       take<truth_t>(event, [this](const truth_t& m, ChannelTrouble& t) { on_truth(m, t); });
     } else if (channel == "MEASUREMENT") {
@@ -32,30 +52,19 @@ class LogCollector {
                               [this](const auto& m, ChannelTrouble& t) { on_measurement(m, t); });
     } else if (channel == "CAN_RX" || channel == "CAN_TX") {
       take<can_frames_t>(event, [&](const can_frames_t& m, ChannelTrouble&) {
-        for (const can_frame_t& frame : m.frames) {
-          channel == "CAN_RX" ? trace_.labeler.add_received(frame) : trace_.labeler.add_sent(frame);
-        }
+        on_frames(m, channel == "CAN_RX");
       });
     } else if (channel == "ATTACK_FRAME") {
       take<attack_frame_t>(event,
-                           [this](const attack_frame_t& m, ChannelTrouble&) { on_attack(m); });
+                           [this](const attack_frame_t& m, ChannelTrouble& t) { on_attack(m, t); });
+    } else if (channel == "ATTACK_SIGNAL") {
+      take<attack_signal_t>(
+          event, [this](const attack_signal_t& m, ChannelTrouble& t) { on_signal(m, t); });
     } else if (channel == "RUN_META") {
       run_meta_t meta;
       if (decode_guarded(event.data, meta)) trace_.scenario_hashes.insert(meta.scenario_hash);
-    } else if (channel.starts_with("EST_")) {
-      take<estimate_t>(event, [&](const estimate_t& m, ChannelTrouble& t) {
-        on_estimate(m, trace_.estimators[suffix("EST_")], t);
-      });
-    } else if (channel.starts_with("TIMING_")) {
-      take<timing_t>(event, [&](const timing_t& m, ChannelTrouble&) {
-        EstimatorTrace& estimator = trace_.estimators[suffix("TIMING_")];
-        estimator.compute_time_us.push_back(1e-3 * static_cast<double>(m.compute_time_ns));
-        if (m.latency_ns >= 0)
-          estimator.latency_us.push_back(1e-3 * static_cast<double>(m.latency_ns));
-      });
-    } else if (channel.starts_with("STATUS_")) {
-      take<status_t>(event,
-                     [&](const status_t& m, ChannelTrouble&) { trace_.statuses[channel] = m; });
+    } else {
+      on_named_channel(event);
     }
   }
 
@@ -70,10 +79,16 @@ class LogCollector {
       return;
     }
     note_seq(event.channel, message.seq, trouble);
+    const auto [last, is_first] = last_utime_.try_emplace(event.channel, message.utime);
+    if (!is_first && message.utime < last->second) ++trouble.backward_utime;
+    last->second = message.utime;
     handler(message, trouble);
   }
 
-  void note_seq(const std::string& channel, std::int64_t seq, ChannelTrouble& trouble) {
+  void note_seq(const std::string& channel, std::int64_t logged_seq, ChannelTrouble& trouble) {
+    // Differences of two stay in range, whatever was logged.
+    const std::int64_t seq =
+        std::clamp<std::int64_t>(logged_seq, 0, std::numeric_limits<std::int64_t>::max() / 2);
     const auto [last, is_first] = last_seq_.try_emplace(channel, seq);
     if (is_first) return;
     // An outsider that does not count leaves seq at 0.
@@ -83,7 +98,7 @@ class LogCollector {
     } else {
       trouble.missing_seq += seq - last->second - 1;
     }
-    last->second = std::clamp<std::int64_t>(seq, 0, std::numeric_limits<std::int64_t>::max() / 2);
+    last->second = seq;
   }
 
   bool is_step(std::int64_t step, ChannelTrouble& trouble) const {
@@ -93,8 +108,91 @@ class LogCollector {
     return fits;
   }
 
+  void note_log_time(std::int64_t utime) {
+    if (has_log_time_ && utime < last_log_utime_) {
+      ++trace_.backward_log_times;
+      // Unsigned, since a damaged stamp may be as far away as numbers go.
+      const auto back =
+          static_cast<std::uint64_t>(last_log_utime_) - static_cast<std::uint64_t>(utime);
+      constexpr std::uint64_t kMax = std::numeric_limits<std::int64_t>::max();
+      trace_.backward_log_us =
+          std::max(trace_.backward_log_us, static_cast<std::int64_t>(std::min(back, kMax)));
+    }
+    has_log_time_ = true;
+    last_log_utime_ = utime;
+  }
+
+  // Channels of the scenario have their place, whatever was logged before them.
+  bool has_place(const std::string& channel) {
+    if (known_channels_.contains(channel) || other_channels_.contains(channel)) return true;
+    if (other_channels_.size() == kOtherChannelsMax) return false;
+    other_channels_.insert(channel);
+    return true;
+  }
+
+  void on_named_channel(const LogEvent& event) {
+    const std::string& channel = event.channel;
+    if (!has_place(channel)) {
+      ++trace_.left_out;
+      return;
+    }
+    if (channel_type(channel).layout == nullptr) {
+      ++trace_.foreign[channel];
+      return;
+    }
+    const auto suffix = [&channel](const char* prefix) {
+      return channel.substr(std::string(prefix).size());
+    };
+    if (channel.starts_with("EST_")) {
+      take<estimate_t>(event, [&](const estimate_t& m, ChannelTrouble& t) {
+        on_estimate(m, trace_.estimators[suffix("EST_")], t);
+      });
+    } else if (channel.starts_with("TIMING_")) {
+      take<timing_t>(event, [&](const timing_t& m, ChannelTrouble&) {
+        EstimatorTrace& estimator = trace_.estimators[suffix("TIMING_")];
+        estimator.compute_time.push_back({m.step, 1e-3 * static_cast<double>(m.compute_time_ns)});
+        if (m.latency_ns >= 0)
+          estimator.latency.push_back({m.step, 1e-3 * static_cast<double>(m.latency_ns)});
+      });
+    } else if (channel.starts_with("STATUS_")) {
+      take<status_t>(event, [&](const status_t& m, ChannelTrouble&) { on_status(channel, m); });
+    }
+  }
+
   void on_truth(const truth_t& message, ChannelTrouble& trouble) {
-    if (is_step(message.step, trouble)) trace_.truth.try_emplace(message.step, message.state);
+    if (!is_step(message.step, trouble)) return;
+    trace_.truth.try_emplace(message.step, TrueState{message.mode, message.state});
+  }
+
+  void on_frames(const can_frames_t& message, bool is_received) {
+    if (!is_received) trace_.knows_attacks = true;
+    for (const can_frame_t& frame : message.frames) {
+      if (!is_received) {
+        trace_.labeler.add_sent(frame);
+        continue;
+      }
+      trace_.labeler.add_received(frame);
+      trace_.received.push_back({message.step, frame.index, frame.identifier, 0});
+    }
+  }
+
+  void on_status(const std::string& channel, const status_t& message) {
+    trace_.statuses[channel] = message;
+    std::int64_t count = 0;
+    for (std::size_t i = 0; i < message.counter_name.size(); ++i) {
+      if (is_loss_counter(message.counter_name[i]))
+        count += std::clamp<std::int64_t>(message.counter_value[i], 0, kCountMax);
+    }
+    trace_.losses[channel].push_back({message.step, count});
+  }
+
+  void on_signal(const attack_signal_t& message, ChannelTrouble& trouble) {
+    trace_.knows_attacks = true;
+    if (!is_step(message.step, trouble)) return;
+    std::vector<double>& signal = trace_.attack_signals[message.step];
+    signal.insert(signal.end(), message.value.begin(), message.value.end());
+    const auto acts = [](double value) { return value != 0.0; };
+    if (std::ranges::any_of(message.value, acts)) trace_.attacked_steps.insert(message.step);
   }
 
   void on_measurement(const measurement_set_t& message, ChannelTrouble& trouble) {
@@ -105,11 +203,22 @@ class LogCollector {
     }
   }
 
-  void on_attack(const attack_frame_t& message) {
+  void on_attack(const attack_frame_t& message, ChannelTrouble& trouble) {
     ++trace_.frames_touched;
-    RuleReview& rule = trace_.rules[{message.rule, message.action}];
-    rule.rule = message.rule;
-    rule.action = message.action;
+    trace_.knows_attacks = true;
+    if (is_step(message.step, trouble)) {
+      trace_.attacked_steps.insert(message.step);
+      const bool has_original = message.disposition != attack_frame_t::INJECTED;
+      const can_frame_t& frame = has_original ? message.original : message.forwarded;
+      trace_.touched.push_back(
+          {message.step, message.rx_index, frame.identifier, message.disposition});
+    }
+    std::pair<std::string, std::string> key{message.rule, message.action};
+    if (trace_.rules.size() >= kOtherChannelsMax && !trace_.rules.contains(key))
+      key = {"(other rules)", ""};
+    RuleReview& rule = trace_.rules[key];
+    rule.rule = key.first;
+    rule.action = key.second;
     if (message.disposition == attack_frame_t::ALTERED) ++rule.altered;
     if (message.disposition == attack_frame_t::DROPPED) ++rule.dropped;
     if (message.disposition == attack_frame_t::INJECTED) ++rule.injected;
@@ -123,7 +232,10 @@ class LogCollector {
       ++estimator.repeated;
       return;
     }
-    sample->second = {message.outcome, message.mean, message.covariance};
+    sample->second = {
+        message.outcome,    message.attack_probability, message.input_step,
+        message.mean,       message.covariance,         message.mode_probability,
+        message.input_mean, message.innovation,         message.innovation_covariance};
     for (std::size_t i = 0; i < message.packet_rx_index.size(); ++i) {
       const double posterior = message.packet_probability[i];
       if (posterior >= 0.0 && posterior <= 1.0) {
@@ -133,19 +245,31 @@ class LogCollector {
   }
 
   LogTrace& trace_;
-  std::map<std::string, std::int64_t> last_seq_;
+  std::set<std::string> known_channels_, other_channels_;
+  std::map<std::string, std::int64_t> last_seq_, last_utime_;
+  std::int64_t last_log_utime_ = 0;
+  bool has_log_time_ = false;
 };
 
 }  // namespace
 
-LogTrace collect_trace(LogReader& reader, std::int64_t num_steps, std::int64_t& num_events) {
+LogTrace collect_trace(LogReader& reader, const ScenarioFacts& facts, std::int64_t& num_events) {
   LogTrace trace;
-  trace.num_steps = num_steps;
-  LogCollector collector(trace);
+  trace.num_steps = facts.num_steps;
+  LogCollector collector(trace, facts);
   LogEvent event;
   for (num_events = 0; reader.next(event); ++num_events) collector.on_event(event);
-  if (num_steps == 0 && !trace.truth.empty()) trace.num_steps = trace.truth.rbegin()->first;
+  if (trace.num_steps == 0 && !trace.truth.empty()) trace.num_steps = trace.truth.rbegin()->first;
+  std::size_t num_messages = std::max(trace.truth.size(), trace.measurement_steps.size());
+  for (const auto& [suffix, estimator] : trace.estimators)
+    num_messages = std::max(num_messages, estimator.samples.size());
+  trace.num_scored = std::min(
+      trace.num_steps, kStepsPerMessage * static_cast<std::int64_t>(num_messages) + kSpareSteps);
   return trace;
+}
+
+bool is_loss_counter(const std::string& name) {
+  return name == "lcm_lost" || name.ends_with("kernel_dropped") || name.ends_with("write_dropped");
 }
 
 }  // namespace holdfast

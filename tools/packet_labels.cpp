@@ -315,23 +315,4 @@ FrameLabels PacketLabeler::labels(bool received_is_complete, bool sent_is_comple
   return result;
 }
 
-std::optional<double> area_under_curve(std::vector<std::pair<double, bool>> scores) {
-  std::sort(scores.begin(), scores.end());
-  double rank_sum = 0.0, positives = 0.0;
-  for (std::size_t begin = 0; begin < scores.size();) {
-    std::size_t end = begin;
-    while (end < scores.size() && scores[end].first == scores[begin].first) ++end;
-    const double shared_rank = 0.5 * (static_cast<double>(begin + end) + 1.0);
-    for (std::size_t i = begin; i < end; ++i) {
-      if (!scores[i].second) continue;
-      rank_sum += shared_rank;
-      positives += 1.0;
-    }
-    begin = end;
-  }
-  const double negatives = static_cast<double>(scores.size()) - positives;
-  if (positives == 0.0 || negatives == 0.0) return std::nullopt;
-  return (rank_sum - 0.5 * positives * (positives + 1.0)) / (positives * negatives);
-}
-
 }  // namespace holdfast

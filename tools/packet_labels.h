@@ -79,8 +79,4 @@ class PacketLabeler {
   std::unordered_map<std::int64_t, LabelledFrame> touched_;  // by tx_index
 };
 
-/// Area under the receiver operating characteristic of a score: the probability that a positive
-/// scores higher than a negative, ties counting one half. None unless there are both.
-std::optional<double> area_under_curve(std::vector<std::pair<double, bool>> score_and_is_positive);
-
 }  // namespace holdfast

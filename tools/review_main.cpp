@@ -1,8 +1,11 @@
+#include <algorithm>
 #include <iostream>
 
+#include "tools/campaign/campaign_review.h"
+#include "tools/campaign/sqlite_database.h"
 #include "tools/log_compare.h"
 #include "tools/program_options.h"
-#include "tools/review_report.h"
+#include "tools/review_outputs.h"
 
 namespace holdfast {
 namespace {
@@ -11,14 +14,19 @@ constexpr const char* kExamples =
     "Examples:\n"
     "  holdfast-review runs/binary_tracking/log.lcm\n"
     "  holdfast-review run.lcm --json -                       # JSON on standard output, no table\n"
+    "  holdfast-review run.lcm --report run.html              # one page, opens offline\n"
+    "  holdfast-review run.lcm --figures figures --format png # one picture each, for a paper\n"
+    "  holdfast-review run.lcm --csv csv                      # one table for each channel\n"
     "  holdfast-review run.lcm --out report --labels labels.csv\n"
+    "  holdfast-review run0.lcm run1.lcm run2.lcm             # also metrics over all of them\n"
+    "  holdfast-review runs/campaign-NAME-HASH.sqlite --report campaign.html\n"
     "  holdfast-review --compare live.lcm replay.lcm          # exit 0 only when equal to the bit\n"
     "  holdfast-review --compare a.lcm b.lcm --channels 'EST_.*|MEASUREMENT'\n"
     "Exit status: 0 fine or equal, 1 not equal or cannot write, 2 wrong use or wrong file.";
 
 struct ReviewOptions {
   std::vector<std::string> logs, compared;
-  std::string json_file, folder, labels_file;
+  ReviewOutputs outputs;
   CompareOptions compare;
 };
 
@@ -29,36 +37,15 @@ int compare(const ReviewOptions& options) {
   return result.is_equal ? 0 : 1;
 }
 
-void write_json(const std::string& file, const std::vector<RunReview>& reviews) {
-  std::string text;
-  if (reviews.size() == 1) {
-    text = review_json(reviews.front());
-  } else {
-    for (const RunReview& review : reviews)
-      text += (text.empty() ? "[\n" : ",\n") + review_json(review);
-    text += "]\n";
-  }
-  if (file == "-") {
-    std::cout << text;
-  } else {
-    write_text_file(file, text);
-  }
-}
-
 int review(const ReviewOptions& options) {
-  if (options.logs.empty())
-    throw UsageError("no log given; try: holdfast-review runs/NAME/log.lcm, or --help");
-  if (options.logs.size() > 1 && (!options.folder.empty() || !options.labels_file.empty())) {
-    throw UsageError("--out and --labels take one log; run them once for each");
+  const auto num_campaigns = std::ranges::count_if(options.logs, is_sqlite_file);
+  if (num_campaigns == 0) {
+    review_logs(options.logs, options.outputs);
+  } else if (num_campaigns == static_cast<std::ptrdiff_t>(options.logs.size())) {
+    review_campaigns(options.logs, options.outputs);
+  } else {
+    throw UsageError("logs and results of campaigns together; review them one kind at a time");
   }
-  std::vector<RunReview> reviews;
-  for (const std::string& log : options.logs) reviews.push_back(review_log(log));
-  for (std::size_t i = 0; i < reviews.size() && options.json_file != "-"; ++i) {
-    std::cout << (i == 0 ? "" : "\n") << review_table(reviews[i]);
-  }
-  if (!options.folder.empty()) write_review_report(reviews.front(), options.folder);
-  if (!options.labels_file.empty()) write_labels_csv(reviews.front(), options.labels_file);
-  if (!options.json_file.empty()) write_json(options.json_file, reviews);
   return 0;
 }
 
@@ -71,12 +58,25 @@ int main(int argc, char** argv) {
       "compares two logs."};
   app.footer(holdfast::kExamples);
   holdfast::ReviewOptions options;
-  auto* logs = app.add_option("LOG", options.logs, "Logs to review, one table each");
-  app.add_option("--json", options.json_file,
+  holdfast::ReviewOutputs& outputs = options.outputs;
+  auto* logs =
+      app.add_option("LOG", options.logs, "Logs, or results files of campaigns, one table each");
+  app.add_option("--json", outputs.json_file,
                  "Also write the review as JSON; '-': to standard output instead of the table");
-  app.add_option("--out", options.folder,
-                 "Also write review.txt, review.json and path.svg to this folder");
-  app.add_option("--labels", options.labels_file, "Also write the label of each packet as CSV");
+  app.add_option("--out", outputs.folder,
+                 "Also write review.txt, review.json, report.html and path.svg to this folder");
+  app.add_option("--report", outputs.report_file,
+                 "Also write a page with tables and figures to this HTML file");
+  auto* figures =
+      app.add_option("--figures", outputs.figures_folder,
+                     "Also write each figure, and the gnuplot script that drew it, to this folder");
+  app.add_option("--format", outputs.figure_format, "Of the figures: svg or png")
+      ->check(CLI::IsMember({"svg", "png"}))
+      ->capture_default_str()
+      ->needs(figures);
+  app.add_option("--csv", outputs.csv_folder,
+                 "Also write a CSV for each channel to this folder (of several logs: 1, 2, ...)");
+  app.add_option("--labels", outputs.labels_file, "Also write the label of each packet as CSV");
   auto* compared = app.add_option("--compare", options.compared, "Compare two logs instead")
                        ->expected(2)
                        ->excludes(logs);
@@ -87,6 +87,7 @@ int main(int argc, char** argv) {
   const int status = holdfast::parse_command_line(app, "holdfast-review", argc, argv);
   if (status >= 0) return status;
   return holdfast::run_program("holdfast-review", [&] {
-    return options.compared.empty() ? holdfast::review(options) : holdfast::compare(options);
+    if (!options.compared.empty()) return holdfast::compare(options);
+    return holdfast::review(options);
   });
 }

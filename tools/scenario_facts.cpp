@@ -6,11 +6,15 @@
 #include <cmath>
 
 #include "common/errors.h"
+#include "common/run_meta.h"
 #include "common/status.h"
 #include "tools/printable_text.h"
 
 namespace holdfast {
 namespace {
+
+// Every estimator and group costs memory for each step; no scenario of ours has a tenth of these.
+constexpr std::size_t kEntriesMax = 64;
 
 // Elements of a list; none when the node is anything else.
 YAML::Node items(const YAML::Node& node) {
@@ -22,6 +26,19 @@ T value_or(const YAML::Node& node, const T& fallback) {
   return node && node.IsScalar() ? node.as<T>(fallback) : fallback;
 }
 
+YAML::Node child(const YAML::Node& node, const char* key) {
+  const YAML::Node found = node.IsMap() ? node[key] : YAML::Node();
+  return found ? found : YAML::Node();
+}
+
+std::string family_of(const YAML::Node& root) {
+  YAML::Node shared(YAML::NodeType::Map);
+  for (const auto& entry : root) {
+    if (value_or<std::string>(entry.first, "") != "seed") shared[entry.first] = entry.second;
+  }
+  return scenario_hash(YAML::Dump(shared));
+}
+
 ScenarioFacts read_facts(const std::string& yaml) {
   ScenarioFacts facts;
   const YAML::Node root = YAML::Load(yaml);
@@ -30,22 +47,33 @@ ScenarioFacts read_facts(const std::string& yaml) {
   for (const YAML::Node& name : items(root["state_names"]))
     facts.state_names.push_back(value_or<std::string>(name, ""));
   for (const YAML::Node& node : items(root["state_groups"])) {
-    if (!node.IsMap()) continue;
-    StateGroupFacts group{
-        value_or<std::string>(node["name"], ""), value_or<std::string>(node["unit"], ""), {}};
+    if (!node.IsMap() || facts.groups.size() == kEntriesMax) continue;
+    StateGroup group;
+    group.name = value_or<std::string>(node["name"], "");
+    group.unit = value_or<std::string>(node["unit"], "");
+    group.lost_above = value_or<double>(node["lost_above"], 0.0);
+    if (!(group.lost_above >= 0.0)) group.lost_above = 0.0;
     for (const YAML::Node& state : items(node["states"])) {
-      group.states.push_back(static_cast<std::size_t>(value_or<std::int64_t>(state, -1)));
+      const auto index = value_or<std::int64_t>(state, -1);
+      group.states.push_back(index < 0 || index > kNoState ? kNoState : static_cast<int>(index));
     }
     facts.groups.push_back(std::move(group));
   }
   for (const YAML::Node& node : items(root["estimators"])) {
-    if (!node.IsMap()) continue;
+    if (!node.IsMap() || facts.estimators.size() == kEntriesMax) continue;
     facts.estimators.emplace_back(value_or<std::string>(node["name"], ""),
                                   value_or<std::string>(node["input"], "") == "clean");
   }
-  const YAML::Node plant = root["plant"];
-  const YAML::Node model = plant && plant.IsMap() ? plant["model"] : YAML::Node();
-  if (!model || !model.IsMap()) return facts;
+  const YAML::Node campaign = child(root, "campaign");
+  if (campaign.IsMap()) {
+    const double threshold = value_or<double>(campaign["detection_threshold"], 0.5);
+    if (threshold >= 0.0 && threshold <= 1.0) facts.detection_threshold = threshold;
+  }
+  facts.family = family_of(root);
+  const YAML::Node model = child(child(root, "plant"), "model");
+  if (!model.IsMap()) return facts;
+  facts.step_s = value_or<double>(model["step_s"], 0.0);
+  if (!std::isfinite(facts.step_s) || facts.step_s < 0.0) facts.step_s = 0.0;
   for (const YAML::Node& place : items(model["sensor_positions_m"])) {
     if (!place.IsSequence() || place.size() < 2) continue;
     facts.sensors.push_back({value_or<double>(place[0], NAN), value_or<double>(place[1], NAN)});
@@ -54,6 +82,27 @@ ScenarioFacts read_facts(const std::string& yaml) {
 }
 
 }  // namespace
+
+std::string state_label(const ScenarioFacts& facts, int state) {
+  std::string unit;
+  for (const StateGroup& group : facts.groups) {
+    if (unit.empty() && std::ranges::find(group.states, state) != group.states.end())
+      unit = group.unit;
+  }
+  // A name ends with its unit as identifiers write it: m/s becomes mps.
+  std::string suffix = "_";
+  for (const char c : unit) {
+    if (c == '/') suffix += 'p';
+    if (c != '/' && c != '^') suffix += c;
+  }
+  const bool has_name = state >= 0 && static_cast<std::size_t>(state) < facts.state_names.size();
+  std::string label = has_name ? facts.state_names[static_cast<std::size_t>(state)]
+                               : "state " + std::to_string(state);
+  if (!unit.empty() && label.size() > suffix.size() && label.ends_with(suffix))
+    label.resize(label.size() - suffix.size());
+  std::ranges::replace(label, '_', ' ');
+  return unit.empty() ? label : label + " [" + unit + "]";
+}
 
 ScenarioFacts read_scenario_facts(const std::string& yaml, const std::string& place) {
   try {

@@ -1,31 +1,34 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "tools/metrics/run_scores.h"
 #include "tools/path_plot.h"
 
 namespace holdfast {
-
-/// States whose error is one number. An index that is no whole number stands as one that no state
-/// has.
-struct StateGroupFacts {
-  std::string name, unit;
-  std::vector<std::size_t> states;
-};
 
 /// What a review needs of a resolved scenario. Read leniently, since outsiders write logs too: what
 /// is missing or of another kind stays empty.
 struct ScenarioFacts {
   std::int64_t num_steps = 0;  // 0: not said
+  double step_s = 0.0;         // of the plant's model; 0: not said
+  double detection_threshold = 0.5;
   std::vector<std::string> state_names;
-  std::vector<StateGroupFacts> groups;
+  /// A state whose index is no whole number from 0 stands as one that no plant has.
+  std::vector<StateGroup> groups;
   std::vector<std::pair<std::string, bool>> estimators;  // name, is campaign only
   std::vector<PlotPoint> sensors;
+  std::string family;  // hash of the scenario but for its seed: runs that belong to one average
 };
+
+inline constexpr int kNoState = 1 << 30;
+
+/// A state's name for an axis: "x_position_m" in m becomes "x position [m]". The unit is that of
+/// the first group that holds the state.
+std::string state_label(const ScenarioFacts& facts, int state);
 
 /// Throws UsageError, which names the place, when the text is no YAML.
 ScenarioFacts read_scenario_facts(const std::string& yaml, const std::string& place);

@@ -281,13 +281,21 @@ std::map<std::string, RunMatrix> CampaignStore::read_curves(std::int64_t point,
   return curves;
 }
 
+void CampaignStore::for_each_blob(const std::string& table, const std::string& column,
+                                  std::int64_t point, const std::string& estimator, RunRange range,
+                                  const std::function<void(std::span<const std::uint8_t>)>& take) {
+  SqliteStatement statement =
+      database_.prepare("SELECT " + column + " FROM " + table +
+                        " WHERE point = ? AND estimator = ? AND run BETWEEN ? AND ?");
+  statement.bind(point).bind(estimator).bind(range.first).bind(range.last);
+  while (statement.step()) take(statement.bytes(0));
+}
+
 ScoreHistogram CampaignStore::read_packets(std::int64_t point, const std::string& estimator,
                                            RunRange range) {
   ScoreHistogram sum;
-  SqliteStatement statement = database_.prepare(
-      "SELECT bins FROM packets WHERE point = ? AND estimator = ? AND run BETWEEN ? AND ?");
-  statement.bind(point).bind(estimator).bind(range.first).bind(range.last);
-  while (statement.step()) sum.add(score_histogram_of(statement.bytes(0)));
+  for_each_blob("packets", "bins", point, estimator, range,
+                [&sum](auto bytes) { sum.add(score_histogram_of(bytes)); });
   return sum;
 }
 
@@ -302,10 +310,8 @@ std::vector<ScoreHistogram> CampaignStore::read_packets_of_runs(
 TimeHistogram CampaignStore::read_step_times(std::int64_t point, const std::string& estimator,
                                              RunRange range) {
   TimeHistogram sum;
-  SqliteStatement statement = database_.prepare(
-      "SELECT counts FROM step_times WHERE point = ? AND estimator = ? AND run BETWEEN ? AND ?");
-  statement.bind(point).bind(estimator).bind(range.first).bind(range.last);
-  while (statement.step()) sum.add(time_histogram_of(statement.bytes(0)));
+  for_each_blob("step_times", "counts", point, estimator, range,
+                [&sum](auto bytes) { sum.add(time_histogram_of(bytes)); });
   return sum;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -74,6 +75,9 @@ class CampaignStore {
   void insert_estimator(const RunResult& result, const EstimatorResult& estimator);
   void add_curve(std::int64_t series, std::int64_t run, std::span<const double> values);
   void begin();
+  void for_each_blob(const std::string& table, const std::string& column, std::int64_t point,
+                     const std::string& estimator, RunRange range,
+                     const std::function<void(std::span<const std::uint8_t>)>& take);
 
   SqliteDatabase database_;
   std::vector<StoredPoint> points_;

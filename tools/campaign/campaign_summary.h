@@ -49,5 +49,7 @@ std::string to_text(const CampaignSummary& summary);
 std::string to_json(const CampaignSummary& summary);
 /// One row for each point, estimator and metric.
 std::string to_csv(const CampaignSummary& summary);
+/// One row for each point, estimator, curve and step.
+std::string curves_to_csv(const CampaignSummary& summary);
 
 }  // namespace holdfast

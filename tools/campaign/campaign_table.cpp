@@ -136,4 +136,27 @@ std::string to_csv(const CampaignSummary& summary) {
   return text;
 }
 
+std::string curves_to_csv(const CampaignSummary& summary) {
+  std::string text =
+      "point,settings,estimator,curve,group,unit,step,value,standard_error,low,high\n";
+  const auto cell = [](const std::vector<double>& values, std::size_t k) {
+    return k < values.size() ? exact(values[k]) : std::string();
+  };
+  for (std::size_t p = 0; p < summary.points.size(); ++p) {
+    const PointSummary& point = summary.points[p];
+    const std::string head = std::to_string(p) + "," + quoted(sweep_label(point.settings)) + ",";
+    for (const EstimatorSummary& estimator : point.estimators) {
+      for (const MetricCurve& curve : estimator.metrics.curves) {
+        for (std::size_t k = 0; k < curve.value.size(); ++k) {
+          text += head + quoted(estimator.metrics.estimator) + "," + curve.name + "," +
+                  curve.group + "," + quoted(curve.unit) + "," + std::to_string(k + 1) + "," +
+                  cell(curve.value, k) + "," + cell(curve.standard_error, k) + "," +
+                  cell(curve.low, k) + "," + cell(curve.high, k) + "\n";
+        }
+      }
+    }
+  }
+  return text;
+}
+
 }  // namespace holdfast

@@ -30,6 +30,10 @@ PaperCampaign read_campaign(ConfigurationMap& map, const std::string& folder) {
     sweep.read("key", campaign.sweep_key);
     sweep.require("values");
     sweep.read("values", campaign.sweep_values);
+    campaign.sweep_labels = campaign.sweep_values;
+    sweep.read("labels", campaign.sweep_labels);
+    if (campaign.sweep_labels.size() != campaign.sweep_values.size())
+      sweep.problem("labels", "must be as many as the values");
   }
   return campaign;
 }

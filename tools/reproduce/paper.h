@@ -9,10 +9,10 @@ namespace holdfast {
 
 /// One campaign of a paper's figures and tables.
 struct PaperCampaign {
-  std::string name, scenario;         // scenario: file, as it stands
-  std::vector<std::string> settings;  // "key=value"
-  std::string sweep_key;              // empty: no sweep
-  std::vector<std::string> sweep_values;
+  std::string name, scenario;                           // scenario: file, as it stands
+  std::vector<std::string> settings;                    // "key=value"
+  std::string sweep_key;                                // empty: no sweep
+  std::vector<std::string> sweep_values, sweep_labels;  // labels: of the values, in tables
   std::int64_t runs = 400, runs_max = 400, quick_runs = 40;
 };
 

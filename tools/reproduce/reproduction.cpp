@@ -150,7 +150,7 @@ RowResult evaluate(const PaperRow& row, const PaperCampaign& campaign,
   result.num_runs = point.num_runs;
   result.label = row.label.empty() ? campaign.name + ": " + row.estimator : row.label;
   if (!campaign.sweep_key.empty())
-    result.label += ", " + campaign.sweep_values[static_cast<std::size_t>(row.point)];
+    result.label += ", " + campaign.sweep_labels[static_cast<std::size_t>(row.point)];
   result.label += ", " + row.group;
   for (const EstimatorSummary& estimator : point.estimators) {
     if (estimator.metrics.estimator != row.estimator) continue;

@@ -25,7 +25,8 @@ Verdict compare(const Uncertain& ours, const Uncertain& reference) {
 }
 
 bool is_reference_too_wide(const Uncertain& reference) {
-  return kStandardErrors * reference.standard_error >= kReferenceShareMax * std::abs(reference.value);
+  return kStandardErrors * reference.standard_error >=
+         kReferenceShareMax * std::abs(reference.value);
 }
 
 std::string verdict_text(Verdict verdict, bool is_chosen_by_us) {

@@ -7,6 +7,7 @@
 
 #include "tests/support/catch.h"
 #include "tests/unit/tools/review/review_logs.h"
+#include "tools/log_fields.h"
 
 namespace holdfast {
 namespace {

@@ -251,15 +251,5 @@ TEST_CASE("what the log does not hold is not called foreign or lost") {
   }
 }
 
-TEST_CASE("area under the curve counts ordered pairs") {
-  CHECK(area_under_curve({{0.9, true}, {0.8, true}, {0.1, false}}).value() == 1.0);
-  CHECK(area_under_curve({{0.1, true}, {0.9, false}}).value() == 0.0);
-  CHECK(area_under_curve({{0.5, true}, {0.5, false}, {0.5, false}}).value() == 0.5);
-  // Pairs won: 0.7 over 0.2 and 0.6; 0.4 over 0.2; so 3 of 4.
-  CHECK(area_under_curve({{0.7, true}, {0.4, true}, {0.2, false}, {0.6, false}}).value() == 0.75);
-  CHECK_FALSE(area_under_curve({{0.7, true}}).has_value());
-  CHECK_FALSE(area_under_curve({}).has_value());
-}
-
 }  // namespace
 }  // namespace holdfast

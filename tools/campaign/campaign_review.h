@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "tools/review_outputs.h"
+
+namespace holdfast {
+
+/// Reviews results files of campaigns and writes what is asked for, tables to standard output. The
+/// folder for CSV gets metrics.csv and curves.csv. Throws UsageError for a file that is none.
+void review_campaigns(const std::vector<std::string>& files, const ReviewOutputs& outputs);
+
+}  // namespace holdfast
