@@ -127,6 +127,12 @@ void run_campaign(const CampaignPlan& plan, CampaignStore& store, ProcessGroup& 
       committed_ns = now_ns;
     }
     if (options.on_progress) options.on_progress(num_done, num_earlier, num_all);
+    if (options.should_stop && options.should_stop() && num_done < num_all) {
+      store.commit();
+      throw JobError("stopped after " + std::to_string(num_done) + " of " +
+                     std::to_string(num_all) + " runs, which " + store.file() +
+                     " keeps; the same command goes on");
+    }
   }
   store.commit();
   office.dismiss();

@@ -14,6 +14,8 @@ struct CampaignOptions {
   int num_threads = 0;  // of this process; 0: its share of the processors it may use
   /// Called now and then with (runs done, of these from earlier, runs in all). May be empty.
   std::function<void(std::int64_t, std::int64_t, std::int64_t)> on_progress;
+  /// Asked often; when it says so, what is done is kept and JobError is thrown. May be empty.
+  std::function<bool()> should_stop;
 };
 
 /// Runs what the store does not hold yet and adds it, together with the other processes of the

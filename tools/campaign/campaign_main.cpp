@@ -4,6 +4,7 @@
 
 #include "tools/campaign/campaign_options.h"
 #include "tools/campaign/campaign_summary.h"
+#include "tools/campaign/stop_signals.h"
 #include "tools/review_report.h"
 #include "tools/run_log.h"
 
@@ -57,6 +58,8 @@ int run(const CampaignProgramOptions& options, ProcessGroup& group) {
       std::cerr << "holdfast-campaign: " << entry.name << " is an outside command: left out\n";
   }
   CampaignStore store(options.results_file(plan), plan);
+  StopSignals signals;
+  campaign.should_stop = [&signals] { return signals.has_come(); };
   if (isatty(STDERR_FILENO) != 0) campaign.on_progress = CampaignProgressLine();
   run_campaign(plan, store, group, campaign);
   show(store, {plan.first_run, plan.first_run + plan.num_runs - 1}, options);

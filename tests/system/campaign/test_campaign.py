@@ -83,6 +83,23 @@ class CampaignTest(unittest.TestCase):
         self.assertEqual(self.read("whole.json"), self.read("killed.json"))
         self.assertEqual(self.num_runs("killed.sqlite"), 1000)
 
+    def test_stopped_by_a_signal(self):
+        command = [CAMPAIGN, SCENARIO, "--runs", "3000", "--out", self.path("stopped.sqlite")]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        deadline = time.monotonic() + 60
+        while self.num_runs_or_busy("stopped.sqlite") == 0:
+            self.assertLess(time.monotonic(), deadline)
+            self.assertIsNone(process.poll())
+        process.terminate()
+        errors = process.communicate(timeout=60)[1]
+        self.assertEqual(process.returncode, 1, errors)
+        self.assertIn("goes on", errors)
+        self.assertGreater(self.num_runs("stopped.sqlite"), 0)
+
+    def num_runs_or_busy(self, name):
+        """1 once the writer holds a file with something in it, which locks it."""
+        return int(os.path.exists(self.path(name)) and os.path.getsize(self.path(name)) > 100_000)
+
     def num_runs(self, name):
         if not os.path.exists(self.path(name)) or os.path.getsize(self.path(name)) == 0:
             return 0

@@ -172,6 +172,23 @@ TEST_CASE("progress reaches the end, and tells what was there before") {
   CHECK(earlier == 0);
 }
 
+TEST_CASE("a campaign that is stopped keeps what is done") {
+  const testing::TemporaryFolder folder;
+  const CampaignPlan plan = small_plan();
+  const std::string file = folder.file("stopped.sqlite");
+  {
+    CampaignStore store(file, plan);
+    CampaignOptions options;
+    options.num_threads = 1;
+    options.should_stop = [&store] { return store.runs().size() >= 3; };
+    ProcessGroup group;
+    CHECK_THROWS_WITH(run_campaign(plan, store, group, options), Catch::Contains("stopped after"));
+  }
+  CampaignStore store(file);
+  CHECK(store.runs().size() >= 3);
+  CHECK(store.runs().size() < 12);
+}
+
 TEST_CASE("what throws in a run comes out of the campaign") {
   CampaignPlan plan = small_plan();
   plan.points[0].experiment.estimators[0].particle_filter.kernel = "no such kernel";
