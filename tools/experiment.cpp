@@ -46,6 +46,7 @@ bool flips_always(const AttackRule& rule) {
 // Probability that a sensor's bit arrives inverted. A rule that flips only at times has none.
 std::vector<double> true_flip_probability(const Experiment& experiment, std::string& untied_rule) {
   std::vector<double> flip(experiment.model.num_sensors(), 0.0);
+  if (!experiment.has_bus()) return flip;  // no bus, no proxy: no rule acts
   for (const AttackRule& rule : experiment.rules) {
     if (rule.action != AttackRule::Action::kFlip) continue;
     if (!flips_always(rule)) untied_rule = rule.name;

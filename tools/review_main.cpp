@@ -31,6 +31,10 @@ struct ReviewOptions {
 };
 
 int compare(const ReviewOptions& options) {
+  const auto num_campaigns = std::ranges::count_if(options.compared, is_sqlite_file);
+  if (num_campaigns == 2)
+    return compare_campaigns(options.compared[0], options.compared[1]) ? 0 : 1;
+  if (num_campaigns == 1) throw UsageError("a log and a campaign cannot be compared");
   const CompareResult result =
       compare_logs(options.compared[0], options.compared[1], options.compare);
   std::cout << result.text();
@@ -77,9 +81,10 @@ int main(int argc, char** argv) {
   app.add_option("--csv", outputs.csv_folder,
                  "Also write a CSV for each channel to this folder (of several logs: 1, 2, ...)");
   app.add_option("--labels", outputs.labels_file, "Also write the label of each packet as CSV");
-  auto* compared = app.add_option("--compare", options.compared, "Compare two logs instead")
-                       ->expected(2)
-                       ->excludes(logs);
+  auto* compared =
+      app.add_option("--compare", options.compared, "Compare two logs, or two campaigns, instead")
+          ->expected(2)
+          ->excludes(logs);
   app.add_option("--channels", options.compare.channels,
                  "Channels to compare, a regular expression")
       ->capture_default_str()

@@ -1,5 +1,7 @@
 #include "tools/sweep.h"
 
+#include <algorithm>
+
 #include "common/errors.h"
 
 namespace holdfast {
@@ -16,6 +18,17 @@ std::string one_line(const YAML::Node& node) {
     if (c == '\n') c = ' ';
   }
   return text;
+}
+
+// What is wrong with the values of a key; "" for nothing.
+std::string problem_of(const std::vector<std::string>& values) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (values[i].empty() || values[i] == "~") return "has an empty value";
+    if (std::find(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(i), values[i]) !=
+        values.begin() + static_cast<std::ptrdiff_t>(i))
+      return "has the value " + values[i] + " twice";
+  }
+  return "";
 }
 
 std::string trimmed(const std::string& text) {
@@ -59,6 +72,8 @@ Sweep read_sweep(ConfigurationMap& map, const std::string& key) {
       continue;
     }
     for (const auto& value : entry.second) axis.values.push_back(one_line(value));
+    if (const std::string problem = problem_of(axis.values); !problem.empty())
+      below.problem("grid", axis.key + " " + problem);
     sweep.grid.push_back(std::move(axis));
   }
   const YAML::Node list = below.raw("list");
@@ -92,6 +107,8 @@ SweepAxis parse_sweep_axis(const std::string& text) {
   }
   if (!values.IsSequence() || values.size() == 0) refuse("there is no value");
   for (const auto& value : values) axis.values.push_back(one_line(value));
+  if (const std::string problem = problem_of(axis.values); !problem.empty())
+    refuse("it " + problem);
   return axis;
 }
 

@@ -2,15 +2,33 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <numeric>
 #include <set>
+#include <tuple>
 
+#include "tools/printable_text.h"
 #include "tools/text_table.h"
 
 namespace holdfast {
 namespace {
 
-// More points than this are shown as sweeps only: their curves would hide each other.
-constexpr std::size_t kPointsWithCurvesMax = 4;
+bool is_number(const std::string& text) {
+  char* end = nullptr;
+  std::strtod(text.c_str(), &end);
+  return !text.empty() && *end == '\0';
+}
+
+// NEES and NIS of a filter that lost its track reach any power of ten.
+bool is_chi_square(const std::string& metric) {
+  return metric.starts_with("nees_mean") || metric.starts_with("nis_mean");
+}
+
+// A symmetric band has no place on a logarithmic axis.
+void show_on_log(Figure& figure) {
+  figure.has_log_y = true;
+  for (FigureSeries& series : figure.series) series.low.clear(), series.high.clear();
+  figure.note = "Without bands: the axis is logarithmic.";
+}
 
 void add_with_band(FigureSeries& series, double x, double value, double standard_error) {
   series.x.push_back(x);
@@ -28,11 +46,11 @@ std::string file_name(const std::string& text) {
 }
 
 std::string label_with_unit(const std::string& text, const std::string& unit) {
-  return unit.empty() ? text : text + " [" + unit + "]";
+  return unit.empty() ? text : text + " [" + printable(unit, 20) + "]";
 }
 
 std::string point_label(const PointSummary& point) {
-  return point.settings.empty() ? "" : sweep_label(point.settings);
+  return printable(sweep_label(point.settings), 120);
 }
 
 struct CurveKind {
@@ -42,7 +60,9 @@ struct CurveKind {
 };
 constexpr CurveKind kCurves[] = {{"rmse_over_runs", "RMSE over runs", false},
                                  {"nees", "Mean NEES", true},
-                                 {"nis", "Mean NIS", true}};
+                                 {"nis", "Mean NIS", true},
+                                 {"attack_probability", "Mean attack probability", false},
+                                 {"mode_accuracy", "Share of runs with the right mode", false}};
 
 // Groups, with units, that any estimator has a curve of this name for.
 std::vector<std::pair<std::string, std::string>> groups_of(const PointSummary& point,
@@ -89,7 +109,6 @@ void add_curves(const PointSummary& point, std::vector<Figure>& figures) {
                      (label.empty() ? "" : " (" + label + ")");
       figure.x_label = "step";
       figure.y_label = label_with_unit(kind.title, unit);
-      figure.has_log_y = kind.has_log_y;
       figure.series = curve_series(point, kind.name, group);
       figure.note =
           "Bands: two standard errors to each side, " + std::to_string(point.num_runs) + " runs.";
@@ -138,30 +157,54 @@ std::string swept_key(const CampaignSummary& summary, std::vector<std::string>& 
   return key;
 }
 
+using MetricId = std::tuple<std::string, std::string, std::string>;  // name, group, unit
+
+// Metrics that any estimator has at any point, in the order of their first appearance.
+std::vector<MetricId> metrics_of(const std::vector<PointSummary>& points) {
+  std::vector<MetricId> all;
+  for (const PointSummary& point : points) {
+    for (const EstimatorSummary& estimator : point.estimators) {
+      for (const Metric& metric : estimator.metrics.metrics) {
+        const MetricId id(metric.name, metric.group, metric.unit);
+        if (std::ranges::find(all, id) == all.end()) all.push_back(id);
+      }
+    }
+  }
+  return all;
+}
+
+// Which point stands at which x, where the axis does not say it.
+std::string point_list(const CampaignSummary& summary) {
+  constexpr std::size_t kShownMax = 20;
+  std::string list = " Points:";
+  for (std::size_t p = 0; p < std::min(kShownMax, summary.points.size()); ++p)
+    list += " " + std::to_string(p + 1) + ": " + point_label(summary.points[p]) + ";";
+  return list + (summary.points.size() > kShownMax ? " ..." : "");
+}
+
 void add_sweeps(const CampaignSummary& summary, std::vector<Figure>& figures) {
   if (summary.points.size() < 2) return;
   std::vector<std::string> values;
   const std::string key = swept_key(summary, values);
-  std::vector<double> x;
-  for (std::size_t p = 0; p < summary.points.size(); ++p) x.push_back(static_cast<double>(p + 1));
-  if (!key.empty()) x = axis_of(values);
-  std::vector<std::pair<std::string, std::pair<std::string, std::string>>> seen;
-  for (const EstimatorSummary& estimator : summary.points.front().estimators) {
-    for (const Metric& metric : estimator.metrics.metrics) {
-      const auto id = std::pair(metric.name, std::pair(metric.group, metric.unit));
-      if (std::ranges::find(seen, id) != seen.end()) continue;
-      seen.push_back(id);
-      Figure figure;
-      figure.name =
-          file_name("sweep_" + metric.name + (metric.group.empty() ? "" : "_" + metric.group));
-      figure.title =
-          metric.name + (metric.group.empty() ? "" : ", " + metric.group) + " over the sweep";
-      figure.x_label = key.empty() ? "sweep point" : key;
-      figure.y_label = label_with_unit(metric.name, metric.unit);
-      figure.series = sweep_series(summary, x, metric.name, metric.group);
-      figure.note = "Bands: two standard errors to each side.";
-      figures.push_back(std::move(figure));
+  const bool has_numbers = !key.empty() && std::ranges::all_of(values, is_number);
+  std::vector<double> x(summary.points.size());
+  std::iota(x.begin(), x.end(), 1.0);
+  if (has_numbers) x = axis_of(values);
+  for (const auto& [name, group, unit] : metrics_of(summary.points)) {
+    Figure figure;
+    figure.name = file_name("sweep_" + name + (group.empty() ? "" : "_" + group));
+    figure.title = name + (group.empty() ? "" : ", " + group) + " over the sweep";
+    figure.x_label = has_numbers ? key : "sweep point";
+    figure.y_label = label_with_unit(name, unit);
+    figure.series = sweep_series(summary, x, name, group);
+    figure.note = "Bands: two standard errors to each side.";
+    if (is_chi_square(name)) show_on_log(figure);
+    if (!has_numbers) {
+      // Nothing lies between points that no number orders.
+      for (FigureSeries& series : figure.series) series.style = FigureSeries::Style::kPoints;
+      figure.note += point_list(summary);
     }
+    figures.push_back(std::move(figure));
   }
 }
 
@@ -170,18 +213,12 @@ ReportTable metric_table(const PointSummary& point) {
   const std::string label = point_label(point);
   table.title = label.empty() ? "Metrics" : label;
   table.header = {"metric", "group", "unit"};
-  std::vector<std::pair<std::string, std::pair<std::string, std::string>>> rows;
-  for (const EstimatorSummary& estimator : point.estimators) {
+  for (const EstimatorSummary& estimator : point.estimators)
     table.header.push_back(estimator.metrics.estimator);
-    for (const Metric& metric : estimator.metrics.metrics) {
-      const auto id = std::pair(metric.name, std::pair(metric.group, metric.unit));
-      if (std::ranges::find(rows, id) == rows.end()) rows.push_back(id);
-    }
-  }
-  for (const auto& [name, group] : rows) {
-    std::vector<std::string> cells = {name, group.first, group.second};
+  for (const auto& [name, group, unit] : metrics_of({point})) {
+    std::vector<std::string> cells = {name, group, printable(unit, 20)};
     for (const EstimatorSummary& estimator : point.estimators) {
-      const Metric* metric = find_metric(estimator.metrics, name, group.first);
+      const Metric* metric = find_metric(estimator.metrics, name, group);
       cells.push_back(metric == nullptr ? "-"
                                         : number_with_error(metric->value, metric->standard_error));
     }
@@ -193,13 +230,16 @@ ReportTable metric_table(const PointSummary& point) {
   return table;
 }
 
+}  // namespace
+
 ReportTable comparison_table(const CampaignSummary& summary) {
   ReportTable table;
   table.title = "RMSE of estimators x points";
   table.header = {"point",
                   "estimator",
                   "group",
-                  "RMSE (s.e.)",
+                  "rmse_step_mean (s.e.)",
+                  "rmse_over_time_median (s.e.)",
                   "lost",
                   "against the first estimator",
                   "against the first point"};
@@ -214,20 +254,22 @@ ReportTable comparison_table(const CampaignSummary& summary) {
       for (const Metric& metric : estimator.metrics.metrics) {
         if (metric.name != "rmse_step_mean") continue;
         const Metric* lost = find_metric(estimator.metrics, "lost_share", metric.group);
-        table.rows.push_back({point_label(point), estimator.metrics.estimator,
-                              label_with_unit(metric.group, metric.unit),
-                              number_with_error(metric.value, metric.standard_error),
-                              lost == nullptr ? "-" : number_text(lost->value, 3),
-                              difference(estimator.against_first, metric.group),
-                              difference(estimator.against_first_point, metric.group)});
+        const Metric* median =
+            find_metric(estimator.metrics, "rmse_over_time_median", metric.group);
+        table.rows.push_back(
+            {point_label(point), estimator.metrics.estimator,
+             label_with_unit(metric.group, metric.unit),
+             number_with_error(metric.value, metric.standard_error),
+             median == nullptr ? "-" : number_with_error(median->value, median->standard_error),
+             lost == nullptr ? "-" : number_text(lost->value, 3),
+             difference(estimator.against_first, metric.group),
+             difference(estimator.against_first_point, metric.group)});
       }
     }
   }
   table.note = "Differences are paired: the same runs, with the same random numbers.";
   return table;
 }
-
-}  // namespace
 
 std::vector<FigureSeries> curve_series(const PointSummary& point, const std::string& curve,
                                        const std::string& group) {
@@ -248,18 +290,21 @@ std::vector<FigureSeries> curve_series(const PointSummary& point, const std::str
 
 std::vector<FigureSeries> sweep_series(const CampaignSummary& summary, const std::vector<double>& x,
                                        const std::string& metric, const std::string& group) {
+  // By rising x, so that the line does not run back.
+  std::vector<std::size_t> order(summary.points.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&x](std::size_t a, std::size_t b) { return x[a] < x[b]; });
   std::vector<FigureSeries> all;
-  for (const EstimatorSummary& first : summary.points.front().estimators) {
-    FigureSeries series;
-    series.name = first.metrics.estimator;
-    for (std::size_t p = 0; p < summary.points.size(); ++p) {
-      for (const EstimatorSummary& estimator : summary.points[p].estimators) {
-        if (estimator.metrics.estimator != series.name) continue;
-        const Metric* found = find_metric(estimator.metrics, metric, group);
-        if (found != nullptr) add_with_band(series, x[p], found->value, found->standard_error);
-      }
+  for (const std::size_t p : order) {
+    for (const EstimatorSummary& estimator : summary.points[p].estimators) {
+      const Metric* found = find_metric(estimator.metrics, metric, group);
+      if (found == nullptr) continue;
+      const auto same = std::ranges::find(all, estimator.metrics.estimator, &FigureSeries::name);
+      FigureSeries& series = same == all.end() ? all.emplace_back() : *same;
+      series.name = estimator.metrics.estimator;
+      add_with_band(series, x[p], found->value, found->standard_error);
     }
-    all.push_back(std::move(series));
   }
   return all;
 }
@@ -267,10 +312,8 @@ std::vector<FigureSeries> sweep_series(const CampaignSummary& summary, const std
 std::vector<double> axis_of(const std::vector<std::string>& values) {
   std::vector<double> axis;
   for (std::size_t i = 0; i < values.size(); ++i) {
-    char* end = nullptr;
-    const double value = std::strtod(values[i].c_str(), &end);
-    const bool is_number = !values[i].empty() && *end == '\0';
-    axis.push_back(is_number ? value : static_cast<double>(i + 1));
+    const double value = std::strtod(values[i].c_str(), nullptr);
+    axis.push_back(is_number(values[i]) ? value : static_cast<double>(i + 1));
   }
   return axis;
 }
@@ -281,13 +324,17 @@ Report campaign_report(const CampaignSummary& summary) {
   report.subtitle = "seed " + std::to_string(summary.seed) + ", kernel " + summary.kernel +
                     ", version " + summary.version + ", commit " + summary.commit;
   report.tables.push_back(comparison_table(summary));
-  for (const PointSummary& point : summary.points) report.tables.push_back(metric_table(point));
   add_sweeps(summary, report.figures);
-  if (summary.points.size() <= kPointsWithCurvesMax) {
+  if (summary.points.size() <= kPointsShownMax) {
     for (const PointSummary& point : summary.points) {
+      report.tables.push_back(metric_table(point));
       add_curves(point, report.figures);
       add_rocs(point, report.figures);
     }
+  } else {
+    report.tables.back().note += " With more than " + std::to_string(kPointsShownMax) +
+                                 " points, curves over the steps and the other metrics of each "
+                                 "point are left out here; --csv has them.";
   }
   return report;
 }

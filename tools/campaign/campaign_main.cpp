@@ -22,17 +22,32 @@ constexpr const char* kExamples =
     "  holdfast-campaign scenarios/binary_tracking.yaml --log run3.lcm --run 3    (one run's log)\n"
     "Started again after whatever ended it, the same command goes on where it was.";
 
+void write(const std::string& file, const std::string& text) {
+  if (file == "-") {
+    std::cout << text;
+  } else if (!file.empty()) {
+    write_text_file(file, text);
+  }
+}
+
 void show(CampaignStore& store, RunRange range, const CampaignProgramOptions& options) {
+  if (store.runs().empty()) {
+    std::cout << store.file() << ": there is no run for this shard\n";
+    return;
+  }
   const CampaignSummary summary = summarise(store, range);
-  std::cout << to_text(summary);
-  if (store.file() != ":memory:")
-    std::cout << "results: " << store.file() << "   (holdfast-review " << store.file() << ")\n";
-  if (!options.json.empty()) write_text_file(options.json, to_json(summary));
-  if (!options.csv.empty()) write_text_file(options.csv, to_csv(summary));
+  if (options.json != "-" && options.csv != "-") {
+    std::cout << to_text(summary);
+    if (store.file() != ":memory:")
+      std::cout << "results: " << store.file() << "   (holdfast-review " << store.file() << ")\n";
+  }
+  write(options.json, to_json(summary));
+  write(options.csv, to_csv(summary));
 }
 
 int merge(const CampaignProgramOptions& options) {
-  if (options.out.empty()) throw UsageError("--merge needs --out, the file to merge into");
+  if (options.out.empty() || options.out == ":memory:")
+    throw UsageError("--merge needs --out, the file to merge into");
   merge_campaigns(options.merged, options.out);
   CampaignStore store(options.out);
   show(store, {}, options);
@@ -46,6 +61,9 @@ int run(const CampaignProgramOptions& options, ProcessGroup& group) {
     serve_campaign(group, campaign);
     return 0;
   }
+  if (group.size() > 1 && (!options.merged.empty() || !options.log.empty()))
+    throw UsageError("--merge and --log are work for one process: start them without mpirun");
+  options.check_outputs();
   if (!options.merged.empty()) return merge(options);
   if (options.scenario.empty()) throw UsageError("no scenario given; see --help");
   if (!options.log.empty()) {

@@ -1,5 +1,7 @@
 #include "tools/campaign/campaign_options.h"
 
+#include <unistd.h>
+
 #include <cstdlib>
 #include <filesystem>
 #include <iostream>
@@ -57,14 +59,32 @@ void CampaignProgramOptions::add_to(CLI::App& app) {
   app.add_option("--out", out,
                  "Results file (SQLite), continued when it is there; ':memory:' keeps nothing "
                  "[runs/campaign-NAME-HASH.sqlite]");
-  auto* to_json = app.add_option("--json", json, "Write the aggregate, curves included, to it");
+  auto* to_json = app.add_option(
+      "--json", json,
+      "Write the aggregate, curves included; '-': to standard output instead of the table");
   auto* to_csv = app.add_option("--csv", csv, "Write the metrics as CSV to this file");
   auto* to_log = app.add_option("--log", log, "Write one run as an LCM log instead");
   for (auto* other : {num, first, sweep, point, part, num_threads, to_json, to_csv})
     to_log->excludes(other);
   app.add_option("--run", run, "Which run to write [0]")->needs(to_log);
-  app.add_option("--merge", merged, "Merge results files of shards into --out instead")
-      ->excludes(file);
+  auto* to_merge =
+      app.add_option("--merge", merged, "Merge results files of shards into --out instead")
+          ->excludes(file);
+  for (auto* other : {num, first, sweep, point, part, num_threads, to_log})
+    to_merge->excludes(other);
+}
+
+void CampaignProgramOptions::check_outputs() const {
+  for (const std::string& file : {json, csv, log, out}) {
+    if (file.empty() || file == "-" || file == ":memory:") continue;
+    const std::filesystem::path path(file);
+    const std::string folder = path.has_parent_path() ? path.parent_path().string() : ".";
+    if (!std::filesystem::is_directory(folder))
+      throw UsageError(file + ": there is no folder " + folder);
+    if (std::filesystem::is_directory(path)) throw UsageError(file + ": is a folder");
+    if (access(folder.c_str(), W_OK) != 0)
+      throw UsageError(file + ": the folder " + folder + " may not be written to");
+  }
 }
 
 CampaignPlan CampaignProgramOptions::plan() const {

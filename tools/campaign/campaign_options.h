@@ -18,6 +18,8 @@ struct CampaignProgramOptions : ProgramOptions {
   std::uint32_t run = 0;
 
   void add_to(CLI::App& app);
+  /// Throws UsageError for a file that could not be written after hours of work.
+  void check_outputs() const;
   /// What to run. Throws UsageError.
   CampaignPlan plan() const;
   /// The file for results, its folder made: --out, or one that this plan and build always get.

@@ -8,6 +8,18 @@
 namespace holdfast {
 namespace {
 
+// Keys that would make equal points, or that mean the whole campaign.
+void check_settings(const std::vector<std::string>& settings) {
+  std::set<std::string> keys;
+  for (const std::string& setting : settings) {
+    const std::string key = setting.substr(0, setting.find('='));
+    if (!keys.insert(key).second) throw UsageError(key + " is set twice");
+    const bool is_campaign = key.starts_with("campaign") && key != "campaign.detection_threshold";
+    if (is_campaign || key == "name" || key == "description" || key == "period_s")
+      throw UsageError(key + " changes no run: it cannot be swept");
+  }
+}
+
 void check_point(const CampaignPoint& point, const CampaignPoint& first) {
   const auto& estimators = point.experiment.estimators;
   const bool can_run = std::any_of(estimators.begin(), estimators.end(),
@@ -74,6 +86,7 @@ CampaignPlan load_campaign_plan(const std::string& file, const std::vector<std::
     std::vector<std::string> all = overrides;
     all.insert(all.end(), settings.begin(), settings.end());
     try {
+      check_settings(settings);
       plan.points.push_back({std::move(settings), load_experiment(file, all)});
       check_point(plan.points.back(), plan.points.front());
     } catch (const UsageError& error) {

@@ -1,5 +1,6 @@
 #include "tools/campaign/campaign_review.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <iostream>
 
@@ -51,6 +52,20 @@ void review_campaigns(const std::vector<std::string>& files, const ReviewOutputs
       write_figures(campaign_report(summary).figures, outputs.figures_folder,
                     outputs.figure_format);
   }
+}
+
+bool compare_campaigns(const std::string& one, const std::string& other) {
+  CampaignStore first(one), second(other);
+  const std::string a = to_json(summarise(first, {})), b = to_json(summarise(second, {}));
+  if (a == b) {
+    std::cout << "equal: the aggregates of " << one << " and " << other << ", byte for byte\n";
+    return true;
+  }
+  const auto place = std::mismatch(a.begin(), a.end(), b.begin(), b.end()).first;
+  const auto line = 1 + std::count(a.begin(), place, '\n');
+  std::cout << "not equal: the aggregates (--json) of " << one << " and " << other
+            << " differ from line " << line << " on\n";
+  return false;
 }
 
 }  // namespace holdfast

@@ -38,10 +38,17 @@ SqliteDatabase open_results(const std::string& file) {
   return {file, SqliteDatabase::Mode::kRead};
 }
 
+// How SQLite files say whose they are ("Hold" in letters).
+constexpr std::int64_t kApplicationId = 0x486F6C64;
+
 bool has_tables(SqliteDatabase& database) {
-  SqliteStatement statement =
-      database.prepare("SELECT count(*) FROM sqlite_master WHERE name = 'meta'");
-  return statement.step() && statement.integer(0) > 0;
+  SqliteStatement id = database.prepare("PRAGMA application_id");
+  return id.step() && id.integer(0) == kApplicationId;
+}
+
+bool is_empty(SqliteDatabase& database) {
+  SqliteStatement statement = database.prepare("SELECT count(*) FROM sqlite_master");
+  return statement.step() && statement.integer(0) == 0;
 }
 
 // What makes two results files parts of one campaign.
@@ -56,6 +63,8 @@ CampaignStore::CampaignStore(const std::string& file, const CampaignPlan& plan)
       {"schema", kSchemaVersion}, {"scenario", plan.scenario},    {"version", version_text()},
       {"commit", commit_text()},  {"kernel", plan.kernel_text()}, {"identity", plan.identity()}};
   if (!has_tables(database_)) {
+    if (!is_empty(database_))
+      throw UsageError(file + " is another program's database; give --out another file");
     std::vector<StoredPoint> points;
     for (const CampaignPoint& point : plan.points) {
       points.push_back({point.settings, point.experiment.resolved, {}});
@@ -95,6 +104,7 @@ void CampaignStore::make_tables(const std::vector<StoredPoint>& points,
                                 const std::map<std::string, std::string>& meta) {
   begin();
   database_.execute(kTables);
+  database_.execute("PRAGMA application_id = " + std::to_string(kApplicationId));
   SqliteStatement add_meta = database_.prepare("INSERT INTO meta VALUES(?, ?)");
   for (const auto& [key, value] : meta) add_meta.bind(key).bind(value).run();
   SqliteStatement add_point = database_.prepare("INSERT INTO points VALUES(?, ?, ?)");
@@ -363,6 +373,22 @@ RunResult CampaignStore::read_run(std::int64_t point, std::int64_t run) {
   return result;
 }
 
+namespace {
+
+void add_all(const std::string& file, CampaignStore& merged) {
+  CampaignStore source(file);
+  for (const auto& [point, run] : source.runs()) {
+    try {
+      merged.add(source.read_run(point, run));
+    } catch (const JobError& error) {
+      throw JobError(file + ", run " + std::to_string(run) + ": " + error.what());
+    }
+  }
+  merged.commit();
+}
+
+}  // namespace
+
 void merge_campaigns(const std::vector<std::string>& files, const std::string& into) {
   if (files.empty()) throw UsageError("there is nothing to merge");
   if (std::filesystem::exists(into))
@@ -378,13 +404,13 @@ void merge_campaigns(const std::vector<std::string>& files, const std::string& i
   }
   const std::string unfinished = into + ".part";
   std::filesystem::remove(unfinished);
-  {
+  try {
     CampaignStore merged(unfinished, first);
-    for (const std::string& file : files) {
-      CampaignStore source(file);
-      for (const auto& [point, run] : source.runs()) merged.add(source.read_run(point, run));
-      merged.commit();
-    }
+    for (const std::string& file : files) add_all(file, merged);
+  } catch (...) {
+    std::filesystem::remove(unfinished);
+    std::filesystem::remove(unfinished + "-journal");
+    throw;
   }
   std::filesystem::rename(unfinished, into);
 }

@@ -1,7 +1,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tools/campaign/campaign_figures.h"
 #include "tools/campaign/campaign_summary.h"
+#include "tools/log_csv.h"
+#include "tools/printable_text.h"
+#include "tools/review_tables.h"
 #include "tools/text_table.h"
 
 namespace holdfast {
@@ -28,8 +32,9 @@ std::string error_table(const PointSummary& point) {
   const bool is_swept =
       std::any_of(point.estimators.begin(), point.estimators.end(),
                   [](const EstimatorSummary& e) { return !e.against_first_point.empty(); });
-  std::vector<std::string> header = {"estimator",      "group", "RMSE (s.e.)",
-                                     "median per run", "lost",  "against " + first};
+  std::vector<std::string> header = {
+      "estimator", "group",           "rmse_step_mean (s.e.)", "rmse_over_time_median",
+      "lost",      "against " + first};
   if (is_swept) header.emplace_back("against first point");
   header.emplace_back("unit");
   table.add(header);
@@ -44,7 +49,7 @@ std::string error_table(const PointSummary& point) {
           metric_text(estimator.metrics, "lost_share", metric.group),
           difference_text(estimator.against_first, metric.group)};
       if (is_swept) row.push_back(difference_text(estimator.against_first_point, metric.group));
-      row.push_back(metric.unit);
+      row.push_back(printable(metric.unit, 20));
       table.add(row);
     }
   }
@@ -90,13 +95,6 @@ std::string outcome_lines(const PointSummary& point) {
   return text;
 }
 
-std::string quoted(const std::string& cell) {
-  if (cell.find_first_of(",\"\n") == std::string::npos) return cell;
-  std::string text = "\"";
-  for (const char c : cell) text += c == '"' ? "\"\"" : std::string(1, c);
-  return text + "\"";
-}
-
 std::string exact(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.17g", value);
@@ -108,15 +106,19 @@ std::string exact(double value) {
 std::string to_text(const CampaignSummary& summary) {
   std::string text = "campaign " + summary.scenario + ", seed " + std::to_string(summary.seed) +
                      ", kernel " + summary.kernel + "\n";
+  if (summary.points.size() > kPointsShownMax) {
+    return text + "\n" + text_of(comparison_table(summary)) +
+           "\nEvery metric of every point: --csv. What they mean: docs/metrics.md.\n";
+  }
   for (const PointSummary& point : summary.points) {
-    text += "\n" + (point.settings.empty() ? "" : sweep_label(point.settings) + ": ") +
+    text += "\n" + (point.settings.empty() ? "" : printable(sweep_label(point.settings)) + ": ") +
             std::to_string(point.num_runs) + " runs of " + std::to_string(point.num_steps) +
             " steps, " + number_text(100.0 * point.attacked_share, 3) + " % of them attacked\n\n" +
             error_table(point) + "\n" + other_table(point) + outcome_lines(point);
   }
   return text +
-         "\nRMSE: root mean square over runs at each step, then the mean over steps. What the "
-         "others mean stands in docs/metrics.md.\n";
+         "\nrmse_step_mean: root mean square over runs at each step, then the mean over steps. "
+         "What the others mean stands in docs/metrics.md.\n";
 }
 
 std::string to_csv(const CampaignSummary& summary) {
@@ -125,9 +127,9 @@ std::string to_csv(const CampaignSummary& summary) {
     const PointSummary& point = summary.points[p];
     for (const EstimatorSummary& estimator : point.estimators) {
       for (const Metric& metric : estimator.metrics.metrics) {
-        text += std::to_string(p) + "," + quoted(sweep_label(point.settings)) + "," +
-                std::to_string(point.num_runs) + "," + quoted(estimator.metrics.estimator) + "," +
-                metric.name + "," + metric.group + "," + quoted(metric.unit) + "," +
+        text += std::to_string(p) + "," + csv_text(sweep_label(point.settings)) + "," +
+                std::to_string(point.num_runs) + "," + csv_text(estimator.metrics.estimator) + "," +
+                metric.name + "," + metric.group + "," + csv_text(metric.unit) + "," +
                 exact(metric.value) + "," + exact(metric.standard_error) + "," +
                 std::to_string(metric.count) + "\n";
       }
@@ -144,12 +146,12 @@ std::string curves_to_csv(const CampaignSummary& summary) {
   };
   for (std::size_t p = 0; p < summary.points.size(); ++p) {
     const PointSummary& point = summary.points[p];
-    const std::string head = std::to_string(p) + "," + quoted(sweep_label(point.settings)) + ",";
+    const std::string head = std::to_string(p) + "," + csv_text(sweep_label(point.settings)) + ",";
     for (const EstimatorSummary& estimator : point.estimators) {
       for (const MetricCurve& curve : estimator.metrics.curves) {
         for (std::size_t k = 0; k < curve.value.size(); ++k) {
-          text += head + quoted(estimator.metrics.estimator) + "," + curve.name + "," +
-                  curve.group + "," + quoted(curve.unit) + "," + std::to_string(k + 1) + "," +
+          text += head + csv_text(estimator.metrics.estimator) + "," + curve.name + "," +
+                  curve.group + "," + csv_text(curve.unit) + "," + std::to_string(k + 1) + "," +
                   cell(curve.value, k) + "," + cell(curve.standard_error, k) + "," +
                   cell(curve.low, k) + "," + cell(curve.high, k) + "\n";
         }

@@ -14,8 +14,10 @@ namespace {
 [[noreturn]] void fail(const std::string& file, sqlite3* database, int result) {
   if ((result & 0xff) == SQLITE_BUSY)
     throw JobError(file + ": in use by another program; wait for it, or take another file");
-  if ((result & 0xff) == SQLITE_NOTADB)
-    throw JobError(file + ": no results file (not SQLite); take another name");
+  if ((result & 0xff) == SQLITE_NOTADB || (result & 0xff) == SQLITE_CORRUPT)
+    throw UsageError(file + ": no results file (not SQLite, or damaged); take another name");
+  if ((result & 0xff) == SQLITE_CANTOPEN)
+    throw JobError(file + ": cannot be opened; are the folder and the file there to be written?");
   throw JobError(file + ": " +
                  (database != nullptr ? sqlite3_errmsg(database) : sqlite3_errstr(result)));
 }
@@ -114,7 +116,7 @@ SqliteDatabase::SqliteDatabase(const std::string& file, Mode mode) : file_(file)
   }
   // A rollback journal works on network file systems too, where a write-ahead log does not.
   execute(
-      "PRAGMA locking_mode=EXCLUSIVE; PRAGMA journal_mode=TRUNCATE; PRAGMA synchronous=NORMAL;"
+      "PRAGMA locking_mode=EXCLUSIVE; PRAGMA journal_mode=DELETE; PRAGMA synchronous=NORMAL;"
       "BEGIN EXCLUSIVE; COMMIT");
 }
 

@@ -83,30 +83,28 @@ std::string verdict_cell(const RowResult& row, const std::string& chosen_by_us) 
   if (!row.is_judged) return "";
   std::string text = verdict_text(row.verdict, !chosen_by_us.empty());
   if (row.row.is_control)
-    return text + (row.verdict == Verdict::kDiffers ? " (wrong on purpose: as it should)"
+    return text + (row.verdict == Verdict::kDiffers ? " (wrong on purpose)"
                                                     : " (wrong on purpose: SHOULD DIFFER)");
   if (row.verdict == Verdict::kCannotTell && is_reference_too_wide(row.reference))
-    text += " (the reference's own error is too large)";
+    text += " (reference too uncertain)";
   return text;
 }
 
 ReportTable report_table(const TableResult& result, bool is_quick) {
   ReportTable table;
   table.title = result.table.title;
-  table.header = {"row", "paper", "reference", "ours ± s.e.", "runs", "verdict", "chosen by us"};
-  if (is_quick) table.header.insert(table.header.begin() + 5, "smallest deviation it could see");
+  table.header = {"row", "paper", "reference", "ours ± s.e.", "verdict", "chosen by us", "runs"};
+  if (is_quick) table.header.emplace_back("smallest deviation it could see");
   for (const RowResult& row : result.rows) {
     std::vector<std::string> cells = {row.label,
                                       number_text(row.row.paper),
                                       with_error(row.reference),
                                       with_error(row.ours),
-                                      std::to_string(row.num_runs),
                                       verdict_cell(row, result.table.chosen_by_us),
-                                      result.table.chosen_by_us};
-    if (is_quick) {
-      cells.insert(cells.begin() + 5,
-                   row.is_judged ? number_text(verdict_band(row.ours, row.reference), 2) : "");
-    }
+                                      result.table.chosen_by_us,
+                                      std::to_string(row.num_runs)};
+    if (is_quick)
+      cells.push_back(row.is_judged ? number_text(verdict_band(row.ours, row.reference), 2) : "");
     table.rows.push_back(std::move(cells));
   }
   return table;

@@ -75,7 +75,9 @@ double campaign_steps_per_s(const std::string& scenario, const std::vector<std::
   {
     CampaignStore store(file, plan);
     ProcessGroup group;
-    run_campaign(plan, store, group, {num_threads, {}});
+    CampaignOptions options;
+    options.num_threads = num_threads;
+    run_campaign(plan, store, group, options);
   }
   const double seconds = seconds_since(started_ns);
   std::filesystem::remove(file);

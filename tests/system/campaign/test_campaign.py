@@ -1,4 +1,5 @@
 """One campaign, one aggregate: whatever the threads, processes, shards and interruptions."""
+import json
 import os
 import random
 import sqlite3
@@ -123,6 +124,12 @@ class CampaignTest(unittest.TestCase):
         done = self.call(*mpirun(2), CAMPAIGN, SCENARIO, "--set", "steps=-1", status=2)
         self.assertEqual(done.stderr.count("steps: -1"), 1, done.stderr)
 
+    @unittest.skipUnless(HAS_MPI, "this build has no MPI")
+    def test_work_for_one_process_is_refused_to_many(self):
+        for arguments in (["--merge", "a", "--out", "b"], [SCENARIO, "--log", "c"]):
+            done = self.call(*mpirun(2), CAMPAIGN, *arguments, status=2)
+            self.assertIn("without mpirun", done.stderr)
+
     def test_wrong_use(self):
         for arguments, word in ((["--shard", "3/2"], "--shard"), (["--sweep", "steps"], "--sweep"), (["--runs", "0"], "--runs"),
                                 (["--sweep", "nowhere=1"], "nowhere"), (["--merge", "a"], "excludes")):
@@ -131,8 +138,38 @@ class CampaignTest(unittest.TestCase):
         self.call(CAMPAIGN, "--merge", SCENARIO, "--out", self.path("x"), status=2)
         with open(self.path("text"), "w", encoding="utf-8") as stream:
             stream.write("no results file, but long enough to be looked at twice by whoever opens it. " * 20)
-        done = self.call(CAMPAIGN, SCENARIO, "--out", self.path("text"), status=1)
+        done = self.call(CAMPAIGN, SCENARIO, "--out", self.path("text"), status=2)
         self.assertIn("not SQLite", done.stderr)
+        for option in ("--out", "--json", "--csv"):
+            done = self.call(CAMPAIGN, SCENARIO, option, self.path("nowhere/x"), status=2)
+            self.assertIn("no folder", done.stderr)
+
+    def test_another_programs_database_is_left_alone(self):
+        database = sqlite3.connect(self.path("other.sqlite"))
+        database.execute("CREATE TABLE meta(x)")
+        database.commit()
+        database.close()
+        before = self.read("other.sqlite")
+        done = self.call(CAMPAIGN, SCENARIO, "--runs", "1", "--out", self.path("other.sqlite"), status=2)
+        self.assertIn("another program", done.stderr)
+        self.assertEqual(before, self.read("other.sqlite"))
+
+    def test_a_shard_without_a_run_is_no_failure(self):
+        command = [CAMPAIGN, SCENARIO, "--runs", "2", "--set", "steps=5"]
+        for i in (1, 2, 3):
+            done = self.call(*command, "--shard", f"{i}/3", "--out", self.path(f"{i}.sqlite"))
+            self.assertEqual("no run for this shard" in done.stdout, i == 3)
+        self.call(CAMPAIGN, "--merge", *(self.path(f"{i}.sqlite") for i in (1, 2, 3)), "--out", self.path("all.sqlite"))
+        self.call(*command, "--out", self.path("whole.sqlite"))
+        review = os.path.join(BIN, "holdfast-review")
+        self.call(review, "--compare", self.path("all.sqlite"), self.path("whole.sqlite"))
+        self.call(*command, "--set", "seed=2", "--out", self.path("seed2.sqlite"))
+        self.call(review, "--compare", self.path("all.sqlite"), self.path("seed2.sqlite"), status=1)
+        self.assertEqual([name for name in os.listdir(self.folder.name) if "journal" in name or "part" in name], [])
+
+    def test_json_to_standard_output(self):
+        done = self.call(CAMPAIGN, SCENARIO, "--runs", "2", "--set", "steps=5", "--out", self.path("x.sqlite"), "--json", "-")
+        self.assertEqual(json.loads(done.stdout)["points"][0]["runs"], 2)
 
     def test_another_campaign_is_refused(self):
         self.aggregate("mine")

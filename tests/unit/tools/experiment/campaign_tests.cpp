@@ -1,10 +1,12 @@
 #include "tools/campaign/campaign.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
 #include "tests/support/catch.h"
 #include "tests/support/temporary_folder.h"
+#include "tools/campaign/campaign_figures.h"
 #include "tools/campaign/campaign_summary.h"
 #include "tools/simulation.h"
 
@@ -38,6 +40,40 @@ std::string aggregate(const CampaignPlan& plan, int num_threads) {
 const Sweep kFlips{{{"attacks.flip.probability", {"0", "0.2"}}}, {}};
 
 }  // namespace
+
+TEST_CASE("a sweep's figure has every metric and estimator, by rising x") {
+  // Point 0 has no attacked packet, so no area under the curve: the metric must not be lost by it.
+  const CampaignPlan plan =
+      small_plan({}, {{{"attacks.flip.probability", {"0.2", "0", "0.1"}}}, {}});
+  CampaignStore store(":memory:", plan);
+  run(plan, store, 2);
+  const CampaignSummary summary = summarise(store, {});
+  const Report report = campaign_report(summary);
+  const auto figure = [&report](const std::string& name) {
+    return std::find_if(report.figures.begin(), report.figures.end(),
+                        [&name](const Figure& f) { return f.name == name; });
+  };
+  REQUIRE(figure("sweep_auc_packets") != report.figures.end());
+  CHECK(figure("sweep_auc_packets")->series.at(0).x == std::vector<double>{0.1, 0.2});
+  const auto rmse = figure("sweep_rmse_step_mean_position");
+  REQUIRE(rmse != report.figures.end());
+  CHECK(rmse->series.size() == 3);
+  CHECK(rmse->series[0].x == std::vector<double>{0.0, 0.1, 0.2});
+  CHECK(rmse->x_label == "attacks.flip.probability");
+  CHECK(figure("sweep_nees_mean")->has_log_y);
+  CHECK(comparison_table(summary).rows.size() == 18);  // points x estimators x groups
+}
+
+TEST_CASE("text from a results file is shown as text") {
+  const CampaignPlan plan =
+      small_plan({"state_groups=[{name: position, states: [0, 2], unit: \"=\\e[31m,m\"}]"});
+  CampaignStore store(":memory:", plan);
+  run(plan, store, 2);
+  const CampaignSummary summary = summarise(store, {});
+  for (const std::string& text : {to_text(summary), to_csv(summary), curves_to_csv(summary)})
+    CHECK(text.find('\x1b') == std::string::npos);
+  CHECK(to_csv(summary).find("\"'=") != std::string::npos);  // no formula, and quoted
+}
 
 TEST_CASE("a campaign gives the same bytes on any number of threads") {
   const CampaignPlan plan = small_plan({}, kFlips);

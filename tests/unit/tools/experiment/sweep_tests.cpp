@@ -57,9 +57,14 @@ TEST_CASE("a wrong sweep says which point and why") {
              Contains("attacks.flip.probability=1.5") && Contains("[0, 1]"));
   CHECK_THAT(problem({}, {{parse_sweep_axis("nowhere=1")}, {}}), Contains("unknown key"));
   CHECK_THAT(problem({}, {{parse_sweep_axis("seed=1,2")}, {}}), Contains("--runs"));
+  const Sweep twice{{parse_sweep_axis("steps=1,2"), parse_sweep_axis("steps=3")}, {}};
+  CHECK_THAT(problem({}, twice), Contains("steps is set twice"));
+  for (const char* key : {"campaign.runs=3,4", "name=a,b", "description=a,b"})
+    CHECK_THAT(problem({}, {{parse_sweep_axis(key)}, {}}), Contains("changes no run"));
+  CHECK_THAT(problem({"campaign.sweep={grid: {steps: [1, null]}}"}, {}), Contains("empty value"));
   CHECK_THAT(problem({"campaign.sweep={grid: [1, 2]}"}, {}), Contains("campaign.sweep.grid"));
   CHECK_THAT(problem({"campaign.sweep={lists: []}"}, {}), Contains("unknown key"));
-  for (const char* text : {"", "a", "=1", "a=", "a=[", "a=1,[2"})
+  for (const char* text : {"", "a", "=1", "a=", "a=[", "a=1,[2", "a=1,,2", "a=~", "a=1,2,1"})
     CHECK_THROWS_AS(parse_sweep_axis(text), UsageError);
   for (const char* text : {"", ";", "a", "=1", "a=1; b"})
     CHECK_THROWS_AS(parse_sweep_point(text), UsageError);
