@@ -126,8 +126,9 @@ ReportTable error_table(const RunReview& review) {
   ReportTable table{"RMSE over time", {"RMSE"}, {}, ""};
   if (review.estimators.empty()) return table;
   for (const GroupError& error : review.estimators.front().errors) {
-    table.header.push_back(name_text(error.name) +
-                           (error.unit.empty() ? "" : " " + printable(error.unit, 20)));
+    std::string title = name_text(error.name);
+    if (!error.unit.empty()) title.append(" ").append(printable(error.unit, 20));
+    table.header.push_back(std::move(title));
   }
   for (const char* title :
        {"steps", "missing", "not ok", "NEES", "AUC", "p50 us", "p99 us", "max us"}) {

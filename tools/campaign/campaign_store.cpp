@@ -200,11 +200,8 @@ void CampaignStore::add(const RunResult& result) {
 
 void CampaignStore::add_curve(std::int64_t series, std::int64_t run,
                               std::span<const double> values) {
-  database_.prepare("INSERT INTO curves VALUES(?, ?, ?)")
-      .bind(series)
-      .bind(run)
-      .bind(bytes_of(values))
-      .run();
+  if (!insert_curve_) insert_curve_ = database_.prepare("INSERT INTO curves VALUES(?, ?, ?)");
+  insert_curve_->bind(series).bind(run).bind(bytes_of(values)).run();
 }
 
 void CampaignStore::insert(const RunResult& result) {

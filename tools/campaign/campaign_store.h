@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <utility>
@@ -80,6 +81,7 @@ class CampaignStore {
                      const std::function<void(std::span<const std::uint8_t>)>& take);
 
   SqliteDatabase database_;
+  std::optional<SqliteStatement> insert_curve_;  // used for most of what is written
   std::vector<StoredPoint> points_;
   std::map<std::pair<std::pair<std::int64_t, std::string>, std::string>, std::int64_t> series_;
   std::set<std::pair<std::int64_t, std::int64_t>> known_runs_;

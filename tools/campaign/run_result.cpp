@@ -1,5 +1,6 @@
 #include "tools/campaign/run_result.h"
 
+#include <array>
 #include <bit>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -61,25 +62,28 @@ void score_packets(const Estimate& estimate, const std::vector<AttackRecord>& re
   }
 }
 
-void count_step(const Simulation& simulation, RunResult& result) {
-  result.counters["frames_sent_by_proxy"] +=
-      static_cast<std::int64_t>(simulation.sent_frames().size());
-  result.counters["packets_received"] +=
-      static_cast<std::int64_t>(simulation.measurements().packets.size());
-  for (const AttackRecord& record : simulation.attack_records()) {
-    switch (record.disposition) {
-      case AttackRecord::Disposition::kAltered:
-        ++result.counters["frames_altered"];
-        break;
-      case AttackRecord::Disposition::kDropped:
-        ++result.counters["frames_dropped"];
-        break;
-      case AttackRecord::Disposition::kInjected:
-        ++result.counters["frames_injected"];
-        break;
-    }
+// Counts of one run; a map by names would cost more than the scoring.
+struct RunCounters {
+  std::int64_t sent = 0, received = 0;
+  std::array<std::int64_t, 3> by_disposition{};
+
+  void add(const Simulation& simulation) {
+    sent += static_cast<std::int64_t>(simulation.sent_frames().size());
+    received += static_cast<std::int64_t>(simulation.measurements().packets.size());
+    for (const AttackRecord& record : simulation.attack_records())
+      ++by_disposition[static_cast<std::size_t>(record.disposition)];
   }
-}
+
+  std::map<std::string, std::int64_t> by_name() const {
+    constexpr std::array<const char*, 3> kNames = {"frames_altered", "frames_dropped",
+                                                   "frames_injected"};
+    std::map<std::string, std::int64_t> counters = {{"frames_sent_by_proxy", sent},
+                                                    {"packets_received", received}};
+    for (std::size_t i = 0; i < kNames.size(); ++i)
+      if (by_disposition[i] > 0) counters[kNames[i]] = by_disposition[i];
+    return counters;
+  }
+};
 
 }  // namespace
 
@@ -97,6 +101,7 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
     result.estimators[i].step_times.add(time_ns);
   };
   std::vector<double> attack_signal;
+  RunCounters counters;
   while (simulation.advance()) {
     const PlantStep& truth = simulation.truth();
     attack_signal.clear();
@@ -104,7 +109,7 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
       attack_signal.insert(attack_signal.end(), signal.value.begin(), signal.value.end());
     const bool attacked = is_attacked(simulation);
     result.is_attacked.push_back(attacked ? 1.0 : 0.0);
-    count_step(simulation, result);
+    counters.add(simulation);
     const TrueStep true_step{{truth.state.data(), static_cast<std::size_t>(truth.state.size())},
                              truth.mode,
                              attacked,
@@ -115,6 +120,7 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
       score_packets(estimate, simulation.attack_records(), result.estimators[i].scores.packets);
     }
   }
+  result.counters = counters.by_name();
   for (std::size_t i = 0; i < scorers.size(); ++i) {
     EstimatorResult& estimator = result.estimators[i];
     estimator.name = simulation.entries()[i]->name;
