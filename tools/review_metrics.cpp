@@ -46,11 +46,9 @@ void fill(const Sample& sample, bool has_truth, Estimate& estimate) {
       matrix_of(sample.innovation_covariance, sample.innovation.size());
 }
 
-const Metric* find_metric(const EstimatorMetrics& metrics, const std::string& name,
-                          const std::string& group) {
-  const auto is_it = [&](const Metric& m) { return m.name == name && m.group == group; };
-  const auto found = std::ranges::find_if(metrics.metrics, is_it);
-  return found == metrics.metrics.end() || !std::isfinite(found->value) ? nullptr : &*found;
+std::optional<double> finite_value(const Metric* metric) {
+  if (metric == nullptr || !std::isfinite(metric->value)) return std::nullopt;
+  return metric->value;
 }
 
 // Runs of one estimator as rows of one matrix for each curve.
@@ -203,11 +201,9 @@ void review_scores(const RunReview& run, RunScores scores, EstimatorReview& revi
   }
   review.metrics = compute_metrics(runs, run.metrics_options);
   for (GroupError& error : review.errors) {
-    if (const Metric* rmse = find_metric(review.metrics, kRmseOverTime, error.name))
-      error.rmse = rmse->value;
+    error.rmse = finite_value(find_metric(review.metrics, kRmseOverTime, error.name));
   }
-  if (const Metric* nees = find_metric(review.metrics, kNeesMean, ""))
-    review.nees_mean = nees->value;
+  review.nees_mean = finite_value(find_metric(review.metrics, kNeesMean));
   const auto curve = scores.curves.find("nees");
   if (curve != scores.curves.end()) {
     review.nees_steps =

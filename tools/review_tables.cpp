@@ -26,20 +26,6 @@ std::string count_text(const std::optional<std::int64_t>& value) {
   return value ? std::to_string(*value) : "-";
 }
 
-// A standard error says how many digits of the value mean something.
-std::string with_error(double value, double standard_error) {
-  if (!std::isfinite(standard_error)) return number_text(value);
-  return number_text(value) + " ± " + number_text(standard_error, 2);
-}
-
-const Metric* find_same(const EstimatorMetrics& metrics, const Metric& wanted) {
-  const auto is_same = [&](const Metric& metric) {
-    return metric.name == wanted.name && metric.group == wanted.group;
-  };
-  const auto found = std::ranges::find_if(metrics.metrics, is_same);
-  return found == metrics.metrics.end() ? nullptr : &*found;
-}
-
 ReportTable frame_table(const RunReview& review) {
   ReportTable table{"Frames", {"frames", "count"}, {}, ""};
   table.rows = {{"sent by the plant", count_text(review.frames_sent)},
@@ -154,7 +140,7 @@ ReportTable error_table(const RunReview& review) {
 }
 
 ReportTable metric_table(const std::vector<const EstimatorMetrics*>& estimators, bool has_rmse) {
-  ReportTable table{"Metrics", {"metric", "group", "unit"}, {}, "value ± standard error"};
+  ReportTable table{"Metrics", {"metric", "group", "unit"}, {}, ""};
   std::vector<const Metric*> wanted;
   for (const EstimatorMetrics* estimator : estimators) {
     table.header.push_back(name_text(estimator->estimator));
@@ -170,8 +156,9 @@ ReportTable metric_table(const std::vector<const EstimatorMetrics*>& estimators,
     std::vector<std::string> row = {metric->name, name_text(metric->group),
                                     printable(metric->unit, 20)};
     for (const EstimatorMetrics* estimator : estimators) {
-      const Metric* found = find_same(*estimator, *metric);
-      row.push_back(found == nullptr ? "-" : with_error(found->value, found->standard_error));
+      const Metric* found = find_metric(*estimator, metric->name, metric->group);
+      row.push_back(found == nullptr ? "-"
+                                     : number_with_error(found->value, found->standard_error));
     }
     table.rows.push_back(std::move(row));
   }
@@ -205,7 +192,7 @@ ReportTable difference_table(const CombinedReview& combined) {
     table.rows.push_back({name_text(difference.estimator), name_text(difference.reference),
                           difference.name, name_text(difference.group),
                           printable(difference.unit, 20),
-                          with_error(difference.value, difference.standard_error)});
+                          number_with_error(difference.value, difference.standard_error)});
   }
   return table;
 }

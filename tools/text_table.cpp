@@ -36,8 +36,8 @@ std::string number_text(double value, int digits) {
 }
 
 std::string number_with_error(double value, double standard_error) {
-  return number_text(value) +
-         (std::isfinite(standard_error) ? " (" + number_text(standard_error, 2) + ")" : "");
+  if (!std::isfinite(standard_error)) return number_text(value);
+  return number_text(value) + " ± " + number_text(standard_error, 2);
 }
 
 }  // namespace holdfast

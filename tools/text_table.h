@@ -22,7 +22,7 @@ class TextTable {
 
 /// Up to `digits` significant digits; "-" for a number that is not finite.
 std::string number_text(double value, int digits = 4);
-/// "value (standard error)"; the value alone when the error is not finite.
+/// "value ± standard error"; the value alone when the error is not finite.
 std::string number_with_error(double value, double standard_error);
 
 }  // namespace holdfast

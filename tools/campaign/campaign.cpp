@@ -38,8 +38,7 @@ class JobRanges {
   std::size_t next_ = 0, num_processes_;
 };
 
-std::vector<CampaignJob> missing_jobs(const CampaignPlan& plan, CampaignStore& store) {
-  std::vector<CampaignJob> jobs = plan.jobs();
+std::vector<CampaignJob> missing_from(CampaignStore& store, std::vector<CampaignJob> jobs) {
   const auto done = store.runs();
   std::erase_if(jobs, [&done](const CampaignJob& job) { return done.contains(job); });
   return jobs;
@@ -54,9 +53,9 @@ std::vector<CampaignJob> jobs_of(const std::vector<std::uint8_t>& bytes) {
 }
 
 // What rank 0 does with what the others say. Each of them asks for jobs until it is given none.
-class Office {
+class Dispatcher {
  public:
-  Office(ProcessGroup& group, JobRanges& ranges, CampaignStore& store)
+  Dispatcher(ProcessGroup& group, JobRanges& ranges, CampaignStore& store)
       : group_(group), ranges_(ranges), store_(store), num_working_(group.size() - 1) {}
 
   /// Returns the number of results in the message.
@@ -100,8 +99,9 @@ int default_threads(const ProcessGroup& group) {
 
 void run_campaign(const CampaignPlan& plan, CampaignStore& store, ProcessGroup& group,
                   const CampaignOptions& options) {
-  const std::vector<CampaignJob> missing = missing_jobs(plan, store);
-  const auto num_all = static_cast<std::int64_t>(plan.jobs().size());
+  const std::vector<CampaignJob> all = plan.jobs();
+  const std::vector<CampaignJob> missing = missing_from(store, all);
+  const auto num_all = static_cast<std::int64_t>(all.size());
   const std::int64_t num_earlier = num_all - static_cast<std::int64_t>(missing.size());
   std::int64_t num_done = num_earlier;
   const std::vector<std::uint8_t> plan_bytes = to_bytes(plan);
@@ -110,7 +110,7 @@ void run_campaign(const CampaignPlan& plan, CampaignStore& store, ProcessGroup& 
   JobRanges ranges(missing, group.size());
   const int num_threads = options.num_threads > 0 ? options.num_threads : default_threads(group);
   RunPool pool(plan, num_threads);
-  Office office(group, ranges, store);
+  Dispatcher dispatcher(group, ranges, store);
   std::int64_t committed_ns = monotonic_time_ns();
   while (num_done < num_all) {
     if (pool.num_waiting() < static_cast<std::size_t>(num_threads))
@@ -120,7 +120,7 @@ void run_campaign(const CampaignPlan& plan, CampaignStore& store, ProcessGroup& 
       ++num_done;
     }
     while (const std::optional<GroupMessage> message = group.poll())
-      num_done += office.answer(*message);
+      num_done += dispatcher.answer(*message);
     const std::int64_t now_ns = monotonic_time_ns();
     if (now_ns - committed_ns > kCommit_ns) {
       store.commit();
@@ -135,7 +135,7 @@ void run_campaign(const CampaignPlan& plan, CampaignStore& store, ProcessGroup& 
     }
   }
   store.commit();
-  office.dismiss();
+  dispatcher.dismiss();
 }
 
 void serve_campaign(ProcessGroup& group, const CampaignOptions& options) {

@@ -6,7 +6,8 @@
 #include <set>
 #include <tuple>
 
-#include "tools/printable_text.h"
+#include "tools/campaign/campaign_table.h"
+#include "tools/review_figure_parts.h"
 #include "tools/text_table.h"
 
 namespace holdfast {
@@ -35,22 +36,6 @@ void add_with_band(FigureSeries& series, double x, double value, double standard
   series.y.push_back(value);
   series.low.push_back(value - kFigureBandErrors * standard_error);
   series.high.push_back(value + kFigureBandErrors * standard_error);
-}
-
-std::string file_name(const std::string& text) {
-  std::string name;
-  for (const char c : text) name += std::isalnum(static_cast<unsigned char>(c)) != 0 ? c : '_';
-  std::transform(name.begin(), name.end(), name.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return name;
-}
-
-std::string label_with_unit(const std::string& text, const std::string& unit) {
-  return unit.empty() ? text : text + " [" + printable(unit, 20) + "]";
-}
-
-std::string point_label(const PointSummary& point) {
-  return printable(sweep_label(point.settings), 120);
 }
 
 struct CurveKind {
@@ -103,8 +88,8 @@ void add_curves(const PointSummary& point, std::vector<Figure>& figures) {
     for (const auto& [group, unit] : groups_of(point, kind.name)) {
       Figure figure;
       const std::string label = point_label(point);
-      figure.name = file_name(std::string(kind.name) + (group.empty() ? "" : "_" + group) +
-                              (label.empty() ? "" : "_" + label));
+      figure.name = figure_name(std::string(kind.name) + (group.empty() ? "" : "_" + group) +
+                                (label.empty() ? "" : "_" + label));
       figure.title = std::string(kind.title) + (group.empty() ? "" : ", " + group) +
                      (label.empty() ? "" : " (" + label + ")");
       figure.x_label = "step";
@@ -125,7 +110,7 @@ void add_rocs(const PointSummary& point, std::vector<Figure>& figures) {
   for (const std::string& kind : kinds) {
     Figure figure;
     const std::string label = point_label(point);
-    figure.name = file_name("roc_" + kind + (label.empty() ? "" : "_" + label));
+    figure.name = figure_name("roc_" + kind + (label.empty() ? "" : "_" + label));
     figure.title = "Detection of attacked " + kind + (label.empty() ? "" : " (" + label + ")");
     figure.x_label = "false-alarm rate";
     figure.y_label = "detection rate";
@@ -192,7 +177,7 @@ void add_sweeps(const CampaignSummary& summary, std::vector<Figure>& figures) {
   if (has_numbers) x = axis_of(values);
   for (const auto& [name, group, unit] : metrics_of(summary.points)) {
     Figure figure;
-    figure.name = file_name("sweep_" + name + (group.empty() ? "" : "_" + group));
+    figure.name = figure_name("sweep_" + name + (group.empty() ? "" : "_" + group));
     figure.title = name + (group.empty() ? "" : ", " + group) + " over the sweep";
     figure.x_label = has_numbers ? key : "sweep point";
     figure.y_label = label_with_unit(name, unit);
@@ -208,68 +193,7 @@ void add_sweeps(const CampaignSummary& summary, std::vector<Figure>& figures) {
   }
 }
 
-ReportTable metric_table(const PointSummary& point) {
-  ReportTable table;
-  const std::string label = point_label(point);
-  table.title = label.empty() ? "Metrics" : label;
-  table.header = {"metric", "group", "unit"};
-  for (const EstimatorSummary& estimator : point.estimators)
-    table.header.push_back(estimator.metrics.estimator);
-  for (const auto& [name, group, unit] : metrics_of({point})) {
-    std::vector<std::string> cells = {name, group, printable(unit, 20)};
-    for (const EstimatorSummary& estimator : point.estimators) {
-      const Metric* metric = find_metric(estimator.metrics, name, group);
-      cells.push_back(metric == nullptr ? "-"
-                                        : number_with_error(metric->value, metric->standard_error));
-    }
-    table.rows.push_back(std::move(cells));
-  }
-  table.note = std::to_string(point.num_runs) + " runs of " + std::to_string(point.num_steps) +
-               " steps, " + number_text(100.0 * point.attacked_share, 3) +
-               " % of them attacked; in brackets: standard errors.";
-  return table;
-}
-
 }  // namespace
-
-ReportTable comparison_table(const CampaignSummary& summary) {
-  ReportTable table;
-  table.title = "RMSE of estimators x points";
-  table.header = {"point",
-                  "estimator",
-                  "group",
-                  "rmse_step_mean (s.e.)",
-                  "rmse_over_time_median (s.e.)",
-                  "lost",
-                  "against the first estimator",
-                  "against the first point"};
-  const auto difference = [](const std::vector<PairedDifference>& differences,
-                             const std::string& group) {
-    for (const PairedDifference& d : differences)
-      if (d.group == group) return number_with_error(d.value, d.standard_error);
-    return std::string("-");
-  };
-  for (const PointSummary& point : summary.points) {
-    for (const EstimatorSummary& estimator : point.estimators) {
-      for (const Metric& metric : estimator.metrics.metrics) {
-        if (metric.name != "rmse_step_mean") continue;
-        const Metric* lost = find_metric(estimator.metrics, "lost_share", metric.group);
-        const Metric* median =
-            find_metric(estimator.metrics, "rmse_over_time_median", metric.group);
-        table.rows.push_back(
-            {point_label(point), estimator.metrics.estimator,
-             label_with_unit(metric.group, metric.unit),
-             number_with_error(metric.value, metric.standard_error),
-             median == nullptr ? "-" : number_with_error(median->value, median->standard_error),
-             lost == nullptr ? "-" : number_text(lost->value, 3),
-             difference(estimator.against_first, metric.group),
-             difference(estimator.against_first_point, metric.group)});
-      }
-    }
-  }
-  table.note = "Differences are paired: the same runs, with the same random numbers.";
-  return table;
-}
 
 std::vector<FigureSeries> curve_series(const PointSummary& point, const std::string& curve,
                                        const std::string& group) {
@@ -323,7 +247,7 @@ Report campaign_report(const CampaignSummary& summary) {
   report.title = "Campaign " + summary.scenario;
   report.subtitle = "seed " + std::to_string(summary.seed) + ", kernel " + summary.kernel +
                     ", version " + summary.version + ", commit " + summary.commit;
-  report.tables.push_back(comparison_table(summary));
+  report.tables.push_back(comparison_table(summary.points));
   add_sweeps(summary, report.figures);
   if (summary.points.size() <= kPointsShownMax) {
     for (const PointSummary& point : summary.points) {

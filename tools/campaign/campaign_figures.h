@@ -11,12 +11,6 @@ namespace holdfast {
 /// Bands of all figures: this many standard errors to each side.
 inline constexpr double kFigureBandErrors = 2.0;
 
-/// A campaign of more points than this is shown as a whole; its points are left to the CSV.
-inline constexpr std::size_t kPointsShownMax = 6;
-
-/// RMSE of each estimator and group at each point, with paired differences.
-ReportTable comparison_table(const CampaignSummary& summary);
-
 /// A metric over the steps, one series for each estimator of a point that has it.
 std::vector<FigureSeries> curve_series(const PointSummary& point, const std::string& curve,
                                        const std::string& group);

@@ -4,6 +4,7 @@
 
 #include "tools/campaign/campaign_options.h"
 #include "tools/campaign/campaign_summary.h"
+#include "tools/campaign/campaign_table.h"
 #include "tools/campaign/stop_signals.h"
 #include "tools/review_report.h"
 #include "tools/run_log.h"

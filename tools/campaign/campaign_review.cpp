@@ -6,6 +6,7 @@
 
 #include "tools/campaign/campaign_figures.h"
 #include "tools/campaign/campaign_summary.h"
+#include "tools/campaign/campaign_table.h"
 #include "tools/report/report_page.h"
 #include "tools/review_report.h"
 

@@ -288,37 +288,29 @@ std::map<std::string, RunMatrix> CampaignStore::read_curves(std::int64_t point,
   return curves;
 }
 
-void CampaignStore::for_each_blob(const std::string& table, const std::string& column,
-                                  std::int64_t point, const std::string& estimator, RunRange range,
-                                  const std::function<void(std::span<const std::uint8_t>)>& take) {
+void CampaignStore::for_each_blob(
+    const std::string& table, const std::string& column, std::int64_t point,
+    const std::string& estimator, RunRange range,
+    const std::function<void(std::int64_t, std::span<const std::uint8_t>)>& take) {
   SqliteStatement statement =
-      database_.prepare("SELECT " + column + " FROM " + table +
-                        " WHERE point = ? AND estimator = ? AND run BETWEEN ? AND ?");
+      database_.prepare("SELECT run, " + column + " FROM " + table +
+                        " WHERE point = ? AND estimator = ? AND run BETWEEN ? AND ? ORDER BY run");
   statement.bind(point).bind(estimator).bind(range.first).bind(range.last);
-  while (statement.step()) take(statement.bytes(0));
+  while (statement.step()) take(statement.integer(0), statement.bytes(1));
 }
 
-ScoreHistogram CampaignStore::read_packets(std::int64_t point, const std::string& estimator,
-                                           RunRange range) {
-  ScoreHistogram sum;
+void CampaignStore::for_each_packets(
+    std::int64_t point, const std::string& estimator, RunRange range,
+    const std::function<void(std::int64_t, const ScoreHistogram&)>& take) {
   for_each_blob("packets", "bins", point, estimator, range,
-                [&sum](auto bytes) { sum.add(score_histogram_of(bytes)); });
-  return sum;
-}
-
-std::vector<ScoreHistogram> CampaignStore::read_packets_of_runs(
-    std::int64_t point, const std::string& estimator, const std::vector<std::int64_t>& runs) {
-  std::vector<ScoreHistogram> histograms;
-  for (const std::int64_t run : runs)
-    histograms.push_back(read_packets(point, estimator, {run, run}));
-  return histograms;
+                [&take](std::int64_t run, auto bytes) { take(run, score_histogram_of(bytes)); });
 }
 
 TimeHistogram CampaignStore::read_step_times(std::int64_t point, const std::string& estimator,
                                              RunRange range) {
   TimeHistogram sum;
   for_each_blob("step_times", "counts", point, estimator, range,
-                [&sum](auto bytes) { sum.add(time_histogram_of(bytes)); });
+                [&sum](std::int64_t, auto bytes) { sum.add(time_histogram_of(bytes)); });
   return sum;
 }
 
@@ -355,7 +347,9 @@ RunResult CampaignStore::read_run(std::int64_t point, std::int64_t run) {
     estimator.name = name;
     estimator.scores.curves = curve(name);
     estimator.scores.outcomes = read_counters(point, name, only);
-    estimator.scores.packets = read_packets(point, name, only);
+    for_each_packets(point, name, only, [&estimator](std::int64_t, const ScoreHistogram& packets) {
+      estimator.scores.packets = packets;
+    });
     estimator.step_times = read_step_times(point, name, only);
     SqliteStatement events = database_.prepare(
         "SELECT first_step, last_step, detected_step FROM detections WHERE point = ? AND estimator "

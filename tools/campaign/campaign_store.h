@@ -58,10 +58,9 @@ class CampaignStore {
   /// All curves of an estimator, by name; a row for each of the runs. "" for the run's own.
   std::map<std::string, RunMatrix> read_curves(std::int64_t point, const std::string& estimator,
                                                const std::vector<std::int64_t>& runs);
-  ScoreHistogram read_packets(std::int64_t point, const std::string& estimator, RunRange range);
-  /// One for each of the runs.
-  std::vector<ScoreHistogram> read_packets_of_runs(std::int64_t point, const std::string& estimator,
-                                                   const std::vector<std::int64_t>& runs);
+  /// Calls take for each run of the range that scored packets, in order.
+  void for_each_packets(std::int64_t point, const std::string& estimator, RunRange range,
+                        const std::function<void(std::int64_t, const ScoreHistogram&)>& take);
   TimeHistogram read_step_times(std::int64_t point, const std::string& estimator, RunRange range);
   /// Sums over runs. "" for the run's own.
   std::map<std::string, std::int64_t> read_counters(std::int64_t point,
@@ -78,7 +77,7 @@ class CampaignStore {
   void begin();
   void for_each_blob(const std::string& table, const std::string& column, std::int64_t point,
                      const std::string& estimator, RunRange range,
-                     const std::function<void(std::span<const std::uint8_t>)>& take);
+                     const std::function<void(std::int64_t, std::span<const std::uint8_t>)>& take);
 
   SqliteDatabase database_;
   std::optional<SqliteStatement> insert_curve_;  // used for most of what is written

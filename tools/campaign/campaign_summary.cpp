@@ -19,6 +19,19 @@ struct PointRuns {
   std::vector<EstimatorRuns> estimators;
 };
 
+void load_packets(CampaignStore& store, std::int64_t point, RunRange range,
+                  const std::vector<std::int64_t>& run_numbers, EstimatorRuns& runs) {
+  const bool keeps_each = run_numbers.size() <= kRunsWithPacketsMax;
+  store.for_each_packets(
+      point, runs.estimator, range, [&](std::int64_t run, const ScoreHistogram& packets) {
+        runs.packets.add(packets);
+        if (!keeps_each) return;
+        runs.packets_of_runs.resize(run_numbers.size());
+        const auto row = std::ranges::lower_bound(run_numbers, run) - run_numbers.begin();
+        runs.packets_of_runs[static_cast<std::size_t>(row)] = packets;
+      });
+}
+
 void load(CampaignStore& store, std::int64_t point, RunRange range, PointRuns& loaded) {
   const StoredPoint& stored = store.points()[static_cast<std::size_t>(point)];
   loaded.runs = store.runs_of(point, range);
@@ -32,9 +45,7 @@ void load(CampaignStore& store, std::int64_t point, RunRange range, PointRuns& l
     EstimatorRuns runs;
     runs.estimator = name;
     runs.curves = store.read_curves(point, name, loaded.runs);
-    runs.packets = store.read_packets(point, name, range);
-    if (loaded.runs.size() <= kRunsWithPacketsMax && !runs.packets.is_empty())
-      runs.packets_of_runs = store.read_packets_of_runs(point, name, loaded.runs);
+    load_packets(store, point, range, loaded.runs, runs);
     runs.outcomes = store.read_counters(point, name, range);
     runs.is_attacked = &loaded.is_attacked;
     loaded.estimators.push_back(std::move(runs));
@@ -158,20 +169,6 @@ CampaignSummary summarise(CampaignStore& store, RunRange range) {
     summary.points.push_back(std::move(row));
   }
   return summary;
-}
-
-const Metric* find_metric(const EstimatorMetrics& estimator, const std::string& name,
-                          const std::string& group) {
-  for (const Metric& metric : estimator.metrics)
-    if (metric.name == name && metric.group == group) return &metric;
-  return nullptr;
-}
-
-const MetricCurve* find_curve(const EstimatorMetrics& estimator, const std::string& name,
-                              const std::string& group) {
-  for (const MetricCurve& curve : estimator.curves)
-    if (curve.name == name && curve.group == group) return &curve;
-  return nullptr;
 }
 
 std::string to_json(const CampaignSummary& summary) {

@@ -36,20 +36,8 @@ struct CampaignSummary {
 /// Computes every metric over the runs of the range. Throws UsageError when a point has none.
 CampaignSummary summarise(CampaignStore& store, RunRange range);
 
-/// Metric of an estimator; null when there is none of that name and group.
-const Metric* find_metric(const EstimatorMetrics& estimator, const std::string& name,
-                          const std::string& group);
-const MetricCurve* find_curve(const EstimatorMetrics& estimator, const std::string& name,
-                              const std::string& group);
-
-/// Aligned text table, step times at its end.
-std::string to_text(const CampaignSummary& summary);
 /// The aggregate as JSON, curves included, without times: equal runs give equal bytes. A number
 /// that is not known is null.
 std::string to_json(const CampaignSummary& summary);
-/// One row for each point, estimator and metric.
-std::string to_csv(const CampaignSummary& summary);
-/// One row for each point, estimator, curve and step.
-std::string curves_to_csv(const CampaignSummary& summary);
 
 }  // namespace holdfast

@@ -55,10 +55,10 @@ bool is_attacked(const Simulation& simulation) {
 
 // The simulated buses lose nothing, so the nth frame sent is the nth one received.
 void score_packets(const Estimate& estimate, const std::vector<AttackRecord>& records,
-                   ScoreHistogram& packets) {
+                   RunScorer& scorer) {
   for (std::size_t i = 0; i < estimate.packet_rx_index.size(); ++i) {
-    packets.add(1.0 - estimate.packet_probability[i],
-                is_touched(records, estimate.packet_rx_index[i]));
+    scorer.take_packet(estimate.packet_probability[i],
+                       is_touched(records, estimate.packet_rx_index[i]));
   }
 }
 
@@ -117,16 +117,14 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
     for (std::size_t i = 0; i < scorers.size(); ++i) {
       const Estimate& estimate = *simulation.estimates()[i];
       scorers[i].take(estimate, true_step);
-      score_packets(estimate, simulation.attack_records(), result.estimators[i].scores.packets);
+      score_packets(estimate, simulation.attack_records(), scorers[i]);
     }
   }
   result.counters = counters.by_name();
   for (std::size_t i = 0; i < scorers.size(); ++i) {
     EstimatorResult& estimator = result.estimators[i];
     estimator.name = simulation.entries()[i]->name;
-    ScoreHistogram packets = std::move(estimator.scores.packets);
     estimator.scores = scorers[i].finish();
-    estimator.scores.packets = std::move(packets);
     const auto probability = estimator.scores.curves.find("attack_probability");
     if (probability != estimator.scores.curves.end()) {
       estimator.detections =

@@ -87,4 +87,18 @@ EstimatorMetrics compute_metrics(const EstimatorRuns& runs, const MetricsOptions
   return result;
 }
 
+const Metric* find_metric(const EstimatorMetrics& estimator, const std::string& name,
+                          const std::string& group) {
+  for (const Metric& metric : estimator.metrics)
+    if (metric.name == name && metric.group == group) return &metric;
+  return nullptr;
+}
+
+const MetricCurve* find_curve(const EstimatorMetrics& estimator, const std::string& name,
+                              const std::string& group) {
+  for (const MetricCurve& curve : estimator.curves)
+    if (curve.name == name && curve.group == group) return &curve;
+  return nullptr;
+}
+
 }  // namespace holdfast

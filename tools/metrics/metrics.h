@@ -67,6 +67,12 @@ struct EstimatorMetrics {
 /// stream. Throws std::invalid_argument when the curves differ in runs or steps.
 EstimatorMetrics compute_metrics(const EstimatorRuns& runs, const MetricsOptions& options);
 
+/// Metric of an estimator; null when there is none of that name and group.
+const Metric* find_metric(const EstimatorMetrics& estimator, const std::string& name,
+                          const std::string& group = "");
+const MetricCurve* find_curve(const EstimatorMetrics& estimator, const std::string& name,
+                              const std::string& group = "");
+
 /// Difference of a metric between two estimators over the same runs (common random numbers).
 struct PairedDifference {
   std::string estimator, reference;  // value: estimator's minus reference's

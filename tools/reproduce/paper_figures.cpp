@@ -12,6 +12,12 @@ bool is_wanted(const PaperFigure& figure, const std::string& estimator) {
          std::ranges::find(figure.estimators, estimator) != figure.estimators.end();
 }
 
+std::vector<FigureSeries> wanted(const PaperFigure& figure, std::vector<FigureSeries> series) {
+  std::erase_if(series,
+                [&figure](const FigureSeries& one) { return !is_wanted(figure, one.name); });
+  return series;
+}
+
 // Points of the independent reference beside the estimator's own.
 FigureSeries reference_series(const PaperFigure& figure, const std::string& estimator,
                               const std::vector<double>& x,
@@ -98,11 +104,13 @@ Figure draw(const PaperFigure& figure, const PaperCampaign& campaign, const Camp
   const Experiment& experiment = plan.points.front().experiment;
   switch (figure.kind) {
     case PaperFigure::Kind::kCurve:
-      drawn.series = curve_series(summary.points.front(), figure.metric, figure.group);
+      drawn.series =
+          wanted(figure, curve_series(summary.points.front(), figure.metric, figure.group));
       break;
     case PaperFigure::Kind::kSweep: {
       const std::vector<double> x = axis_of(campaign.sweep_values);
-      for (FigureSeries& series : sweep_series(summary, x, figure.metric, figure.group)) {
+      for (FigureSeries& series :
+           wanted(figure, sweep_series(summary, x, figure.metric, figure.group))) {
         const std::string name = series.name;
         drawn.series.push_back(std::move(series));
         FigureSeries reference = reference_series(figure, name, x, tables);
@@ -119,9 +127,6 @@ Figure draw(const PaperFigure& figure, const PaperCampaign& campaign, const Camp
       drawn.note = "Run " + std::to_string(figure.run) + " of the campaign.";
       return drawn;
   }
-  std::erase_if(drawn.series, [&figure](const FigureSeries& series) {
-    return !is_wanted(figure, series.name.substr(0, series.name.find(',')));
-  });
   drawn.note = "Bands: two standard errors to each side, " +
                std::to_string(summary.points.front().num_runs) + " runs.";
   return drawn;

@@ -72,13 +72,6 @@ std::vector<TableResult> evaluate_tables(const std::vector<PaperTable>& tables, 
   return results;
 }
 
-std::string with_error(const Uncertain& number) {
-  if (!std::isfinite(number.value)) return "-";
-  return number_text(number.value) + (std::isfinite(number.standard_error)
-                                          ? " ± " + number_text(number.standard_error, 2)
-                                          : "");
-}
-
 std::string verdict_cell(const RowResult& row, const std::string& chosen_by_us) {
   if (!row.is_judged) return "";
   std::string text = verdict_text(row.verdict, !chosen_by_us.empty());
@@ -96,13 +89,14 @@ ReportTable report_table(const TableResult& result, bool is_quick) {
   table.header = {"row", "paper", "reference", "ours ± s.e.", "verdict", "chosen by us", "runs"};
   if (is_quick) table.header.emplace_back("smallest deviation it could see");
   for (const RowResult& row : result.rows) {
-    std::vector<std::string> cells = {row.label,
-                                      number_text(row.row.paper),
-                                      with_error(row.reference),
-                                      with_error(row.ours),
-                                      verdict_cell(row, result.table.chosen_by_us),
-                                      result.table.chosen_by_us,
-                                      std::to_string(row.num_runs)};
+    std::vector<std::string> cells = {
+        row.label,
+        number_text(row.row.paper),
+        number_with_error(row.reference.value, row.reference.standard_error),
+        number_with_error(row.ours.value, row.ours.standard_error),
+        verdict_cell(row, result.table.chosen_by_us),
+        result.table.chosen_by_us,
+        std::to_string(row.num_runs)};
     if (is_quick)
       cells.push_back(row.is_judged ? number_text(verdict_band(row.ours, row.reference), 2) : "");
     table.rows.push_back(std::move(cells));

@@ -8,6 +8,7 @@
 #include "tests/support/temporary_folder.h"
 #include "tools/campaign/campaign_figures.h"
 #include "tools/campaign/campaign_summary.h"
+#include "tools/campaign/campaign_table.h"
 #include "tools/simulation.h"
 
 namespace holdfast {
@@ -61,7 +62,7 @@ TEST_CASE("a sweep's figure has every metric and estimator, by rising x") {
   CHECK(rmse->series[0].x == std::vector<double>{0.0, 0.1, 0.2});
   CHECK(rmse->x_label == "attacks.flip.probability");
   CHECK(figure("sweep_nees_mean")->has_log_y);
-  CHECK(comparison_table(summary).rows.size() == 18);  // points x estimators x groups
+  CHECK(comparison_table(summary.points).rows.size() == 18);  // points x estimators x groups
 }
 
 TEST_CASE("text from a results file is shown as text") {

@@ -3,7 +3,6 @@
 namespace holdfast {
 namespace {
 
-using testing::find_metric;
 using testing::kNan;
 using testing::matrix_of;
 using testing::metric;

@@ -29,14 +29,6 @@ inline RunMatrix matrix_of(std::size_t num_runs, std::size_t num_steps,
   return matrix;
 }
 
-inline const Metric* find_metric(const EstimatorMetrics& metrics, const std::string& name,
-                                 const std::string& group = "") {
-  for (const Metric& metric : metrics.metrics) {
-    if (metric.name == name && metric.group == group) return &metric;
-  }
-  return nullptr;
-}
-
 inline const Metric& metric(const EstimatorMetrics& metrics, const std::string& name,
                             const std::string& group = "") {
   const Metric* found = find_metric(metrics, name, group);

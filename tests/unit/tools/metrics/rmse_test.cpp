@@ -4,7 +4,6 @@ namespace holdfast {
 namespace {
 
 using testing::curve;
-using testing::find_metric;
 using testing::kNan;
 using testing::matrix_of;
 using testing::metric;
