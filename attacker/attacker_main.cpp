@@ -87,7 +87,6 @@ int main(int argc, char** argv) {
   app.add_option("--from", options.from, "Sensor-side bus URL (opened read-only)")->required();
   app.add_option("--to", options.to, "Monitor-side bus URL")->required();
   app.add_flag("--no-record", options.no_record, "Neither truth nor status on LCM: forward only");
-  const int status = holdfast::parse_command_line(app, "holdfast-attacker", argc, argv);
-  if (status >= 0) return status;
-  return holdfast::run_program("holdfast-attacker", [&] { return holdfast::run(options); });
+  return holdfast::run_command_line(app, "holdfast-attacker", argc, argv,
+                                    [&] { return holdfast::run(options); });
 }

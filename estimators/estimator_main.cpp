@@ -60,9 +60,7 @@ int main(int argc, char** argv) {
   auto* log =
       app.add_option("--log", options.log, "Log to read instead of LCM; its scenario is used");
   app.add_option("--out", options.out, "Log to write")->needs(log);
-  const int status = holdfast::parse_command_line(app, "holdfast-estimator", argc, argv);
-  if (status >= 0) return status;
-  return holdfast::run_program("holdfast-estimator", [&] {
+  return holdfast::run_command_line(app, "holdfast-estimator", argc, argv, [&] {
     if (options.log.empty()) return holdfast::run_live(options);
     if (options.out.empty()) throw holdfast::UsageError("--log needs --out FILE for the estimates");
     holdfast::replay_log(options.log, options.out, options.name);

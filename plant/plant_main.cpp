@@ -69,7 +69,6 @@ int main(int argc, char** argv) {
   options.add_owned_bus(app);
   app.add_option("--bus", bus, "Sensor-side bus URL; 'none' publishes MEASUREMENT directly")
       ->required();
-  const int status = holdfast::parse_command_line(app, "holdfast-plant", argc, argv);
-  if (status >= 0) return status;
-  return holdfast::run_program("holdfast-plant", [&] { return holdfast::run(options, bus); });
+  return holdfast::run_command_line(app, "holdfast-plant", argc, argv,
+                                    [&] { return holdfast::run(options, bus); });
 }

@@ -31,16 +31,17 @@ struct ProgramOptions {
   Experiment load() const { return load_experiment(scenario, overrides); }
 };
 
-/// Adds --version, parses, and returns -1 to go on or an exit status: 0 after help, 2 for wrong
-/// use.
-inline int parse_command_line(CLI::App& app, const std::string& name, int argc, char** argv) {
+/// What every main does last: adds --version, parses, and runs the body. Returns the exit status: 0
+/// after help, 2 for wrong use, else that of run_program().
+inline int run_command_line(CLI::App& app, const std::string& name, int argc, char** argv,
+                            const std::function<int()>& body) {
   app.set_version_flag("--version", version_line(name));
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
-  return -1;
+  return run_program(name, body);
 }
 
 }  // namespace holdfast

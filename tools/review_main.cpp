@@ -89,9 +89,7 @@ int main(int argc, char** argv) {
                  "Channels to compare, a regular expression")
       ->capture_default_str()
       ->needs(compared);
-  const int status = holdfast::parse_command_line(app, "holdfast-review", argc, argv);
-  if (status >= 0) return status;
-  return holdfast::run_program("holdfast-review", [&] {
+  return holdfast::run_command_line(app, "holdfast-review", argc, argv, [&] {
     if (!options.compared.empty()) return holdfast::compare(options);
     return holdfast::review(options);
   });

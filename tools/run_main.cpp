@@ -26,9 +26,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.1, 1e6));
   app.add_option("--i-own-this-bus", options.owned_bus,
                  "URL of a bus that is no virtual one and that you may write to");
-  const int status = holdfast::parse_command_line(app, "holdfast-run", argc, argv);
-  if (status >= 0) return status;
-  return holdfast::run_program("holdfast-run", [&] {
+  return holdfast::run_command_line(app, "holdfast-run", argc, argv, [&] {
     options.program_folder = std::filesystem::read_symlink("/proc/self/exe").parent_path().string();
     options.shows_progress = isatty(STDOUT_FILENO) != 0;
     return holdfast::launch(options);

@@ -67,7 +67,6 @@ int main(int argc, char** argv) {
   options.add_scenario(app);
   options.add_lcm(app);
   app.add_option("--bus", bus, "Monitor-side bus URL (opened read-only)")->required();
-  const int status = holdfast::parse_command_line(app, "holdfast-can-driver", argc, argv);
-  if (status >= 0) return status;
-  return holdfast::run_program("holdfast-can-driver", [&] { return holdfast::run(options, bus); });
+  return holdfast::run_command_line(app, "holdfast-can-driver", argc, argv,
+                                    [&] { return holdfast::run(options, bus); });
 }

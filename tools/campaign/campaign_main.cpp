@@ -95,9 +95,7 @@ int main(int argc, char** argv) {
   app.footer(holdfast::kExamples);
   holdfast::CampaignProgramOptions options;
   options.add_to(app);
-  const int status = holdfast::parse_command_line(app, "holdfast-campaign", argc, argv);
-  if (status >= 0) return status;
-  return holdfast::run_program("holdfast-campaign", [&] {
+  return holdfast::run_command_line(app, "holdfast-campaign", argc, argv, [&] {
     holdfast::ProcessGroup group;
     const int result =
         holdfast::run_program("holdfast-campaign", [&] { return holdfast::run(options, group); });

@@ -75,7 +75,6 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--threads", options.reproduction.num_threads, "Threads [one per processor]")
       ->check(CLI::Range(1, 4096));
-  const int status = holdfast::parse_command_line(app, "holdfast-reproduce", argc, argv);
-  if (status >= 0) return status;
-  return holdfast::run_program("holdfast-reproduce", [&] { return holdfast::run(options); });
+  return holdfast::run_command_line(app, "holdfast-reproduce", argc, argv,
+                                    [&] { return holdfast::run(options); });
 }
