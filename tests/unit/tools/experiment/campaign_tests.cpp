@@ -9,6 +9,8 @@
 #include "tools/campaign/campaign_figures.h"
 #include "tools/campaign/campaign_summary.h"
 #include "tools/campaign/campaign_table.h"
+#include "tools/log_review.h"
+#include "tools/run_log.h"
 #include "tools/simulation.h"
 
 namespace holdfast {
@@ -169,6 +171,31 @@ TEST_CASE("a results file takes no other campaign, and no other result for a run
   CHECK_NOTHROW(CampaignStore(file, plan));
   CHECK_THROWS_AS(CampaignStore(kScenario), UsageError);
   CHECK_THROWS_AS(CampaignStore(folder.file("missing")), UsageError);
+}
+
+TEST_CASE("a campaign says of one run what the review says of its log") {
+  const testing::TemporaryFolder folder;
+  CampaignPlan plan = small_plan();
+  plan.first_run = 5;
+  plan.num_runs = 1;
+  CampaignStore store(":memory:", plan);
+  run(plan, store, 1);
+  const CampaignSummary summary = summarise(store, {});
+  write_run_log(plan.points[0].experiment, 5, folder.file("run.lcm"));
+  const RunReview review = review_log(folder.file("run.lcm"));
+  REQUIRE(review.estimators.size() == 3);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const EstimatorMetrics& ours = summary.points[0].estimators[i].metrics;
+    const EstimatorMetrics& logged = review.estimators[i].metrics;
+    CHECK(ours.estimator == logged.estimator);
+    REQUIRE(ours.metrics.size() == logged.metrics.size());
+    for (std::size_t m = 0; m < ours.metrics.size(); ++m) {
+      INFO(ours.estimator << " " << ours.metrics[m].name);
+      CHECK(ours.metrics[m].name == logged.metrics[m].name);
+      CHECK(ours.metrics[m].value == logged.metrics[m].value);  // to the bit
+    }
+  }
+  CHECK(find_metric(summary.points[0].estimators[0].metrics, "auc_packets") != nullptr);
 }
 
 TEST_CASE("a run's result survives its bytes") {
