@@ -38,6 +38,9 @@ check_with_vcan() {
   expect "status of a signal" "$status" 143
   call "$root/scripts/with-vcan" "$root/scripts/with-vcan" "$root/scripts/private-network" test -e /sys/class/net/vcan1
   expect "nested" "$status" 0
+  # What a command leaves behind does not keep its output open.
+  call timeout 60 "$root/scripts/with-vcan" bash -c 'sleep 1000 & setsid sleep 1000 & echo done; echo well >&2; exit 5'
+  expect "left behind: status, stdout, stderr" "$status $out $err" "5 done well"
   call "$root/scripts/with-vcan" /no/such/command
   expect "command not found" "$status" 127
   call "$root/scripts/with-vcan"

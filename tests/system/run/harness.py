@@ -3,6 +3,7 @@ import json
 import os
 import re
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
@@ -55,6 +56,14 @@ def read_log(path):
             assert header[:4] == b"\xed\xa1\xda\x01", "sync word"
             channel_bytes, data_bytes = int.from_bytes(header[20:24], "big"), int.from_bytes(header[24:28], "big")
             yield stream.read(channel_bytes).decode(), stream.read(data_bytes)
+
+
+def write_log(path, messages):
+    """Writes (channel, payload) pairs as an LCM log, a microsecond apart."""
+    with open(path, "wb") as stream:
+        for number, (channel, payload) in enumerate(messages):
+            name = channel.encode()
+            stream.write(struct.pack(">IqqII", 0xEDA1DA01, number, number, len(name), len(payload)) + name + payload)
 
 
 def measurement_sets(path):
