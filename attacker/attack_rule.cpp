@@ -10,7 +10,6 @@ namespace {
 constexpr Interval kFinite{std::numeric_limits<double>::lowest(),
                            std::numeric_limits<double>::max()};
 constexpr Interval kFiniteNonNegative{0.0, std::numeric_limits<double>::max()};
-constexpr Interval kSteps{1.0, static_cast<double>(AttackWindow::kLastStep)};
 constexpr std::uint32_t kStandardMask = 0x7FF;
 constexpr std::uint32_t kExtendedMask = 0x1FFFFFFF;
 
@@ -146,46 +145,67 @@ Messages read_match(ConfigurationMap map, AttackRule& rule, const FrameLayout& l
   return selected;
 }
 
-void read_window(ConfigurationMap map, AttackWindow& window) {
-  map.read("first_step", window.first_step, kSteps);
-  map.read("last_step", window.last_step, kSteps);
-  map.read("from_s", window.from_s, kFiniteNonNegative);
-  map.read("to_s", window.to_s, kNonNegative);
-  if (window.last_step < window.first_step) map.problem("last_step", "lies before first_step");
-  if (window.to_s < window.from_s) map.problem("to_s", "lies before from_s");
+// Numbers of a distribution, one per signal; a single number in the file stands for all of them.
+std::vector<double> read_numbers(ConfigurationMap& map, const char* key, std::size_t count,
+                                 double fallback, Interval allowed) {
+  std::vector<double> numbers(count, fallback);
+  map.require(key);
+  map.read_shared(key, numbers, count, allowed);
+  numbers.resize(count, fallback);
+  return numbers;
 }
 
-void read_value(ConfigurationMap& rule_map, ValueDistribution& value) {
+void read_replay(ConfigurationMap& map, ReplayDelay& replay) {
+  map.require("delay_steps");
+  std::vector<double> range = {1.0, 1.0};
+  map.read("delay_steps", range, 2, {1.0, static_cast<double>(ReplayDelay::kMax)});
+  if (range.size() != 2) return;
+  if (range[0] > range[1] || range[0] != std::floor(range[0]) || range[1] != std::floor(range[1])) {
+    map.problem("delay_steps", "must be [low, high], whole numbers of steps");
+  }
+  replay.low = static_cast<int>(range[0]);
+  replay.high = static_cast<int>(range[1]);
+}
+
+void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
   using Kind = ValueDistribution::Kind;
   rule_map.require("value");
   ConfigurationMap map = rule_map.map("value");
-  map.read_choice("distribution", value.kind,
+  Kind kind = Kind::kConstant;
+  map.read_choice("distribution", kind,
                   {{"constant", Kind::kConstant},
                    {"uniform", Kind::kUniform},
                    {"normal", Kind::kNormal},
-                   {"bernoulli", Kind::kBernoulli}});
-  if (!rule_map.has("value")) return;
-  switch (value.kind) {
+                   {"bernoulli", Kind::kBernoulli},
+                   {"replay", Kind::kReplay}});
+  const std::size_t count = rule.signals.size();
+  rule.values.assign(count, {kind});
+  if (!rule_map.has("value") || count == 0) return;
+  const auto fill = [&](const char* key, double ValueDistribution::*field, Interval allowed) {
+    const std::vector<double> numbers =
+        read_numbers(map, key, count, ValueDistribution().*field, allowed);
+    for (std::size_t i = 0; i < count; ++i) rule.values[i].*field = numbers[i];
+  };
+  switch (kind) {
     case Kind::kConstant:
-      map.require("value");
-      map.read("value", value.value);
+      fill("value", &ValueDistribution::value, kAnyNumber);
       break;
     case Kind::kUniform:
-      map.require("low");
-      map.require("high");
-      map.read("low", value.low, kFinite);
-      map.read("high", value.high, kFinite);
-      if (value.low > value.high) map.problem("high", "lies below low");
+      fill("low", &ValueDistribution::low, kFinite);
+      fill("high", &ValueDistribution::high, kFinite);
+      for (const ValueDistribution& value : rule.values) {
+        if (value.low > value.high) return map.problem("high", "lies below low");
+      }
       break;
     case Kind::kNormal:
-      map.require("mean");
-      map.require("std");
-      map.read("mean", value.mean, kFinite);
-      map.read("std", value.std, kFiniteNonNegative);
+      fill("mean", &ValueDistribution::mean, kFinite);
+      fill("std", &ValueDistribution::std, kFiniteNonNegative);
       break;
     case Kind::kBernoulli:
-      map.require("probability");
-      map.read("probability", value.probability, kProbability);
+      fill("probability", &ValueDistribution::probability, kProbability);
+      break;
+    case Kind::kReplay:
+      read_replay(map, rule.replay);
       break;
   }
 }
@@ -206,8 +226,9 @@ void read_flip(ConfigurationMap& map, AttackRule& rule, const Messages& selected
     map.problem("action", "flip needs either signal or bit");
   }
   if (has_signal) {
-    map.read("signal", rule.signal);
-    check_signal(map, "signal", rule.signal, rule.match, selected);
+    rule.signals.resize(1);
+    map.read("signal", rule.signals[0]);
+    check_signal(map, "signal", rule.signals[0], rule.match, selected);
   }
   if (!map.has("bit")) return;
   map.read("bit", rule.bit, {0.0, 8.0 * CanFrame::kBytesMax - 1.0});
@@ -220,16 +241,38 @@ void read_flip(ConfigurationMap& map, AttackRule& rule, const Messages& selected
   }
 }
 
-void read_signal_and_value(ConfigurationMap& map, AttackRule& rule, const Messages& selected) {
-  map.require("signal");
-  map.read("signal", rule.signal);
-  if (map.has("signal")) check_signal(map, "signal", rule.signal, rule.match, selected);
-  read_value(map, rule.value);
+void read_signals_and_values(ConfigurationMap& map, AttackRule& rule, const Messages& selected) {
+  if (map.has("signals")) {
+    map.read("signals", rule.signals);
+    if (map.has("signal")) {
+      std::string unused;
+      map.read("signal", unused);
+      map.problem("signal", "is one of signals: give either");
+    }
+    if (rule.signals.empty()) map.problem("signals", "must name a signal");
+    if (rule.signals.size() > AttackRule::kSignalsMax) {
+      map.problem("signals", "at most " + std::to_string(AttackRule::kSignalsMax));
+    }
+    if (std::set<std::string>(rule.signals.begin(), rule.signals.end()).size() !=
+        rule.signals.size()) {
+      map.problem("signals", "must name each signal once");
+    }
+  } else {
+    rule.signals.resize(1);
+    map.require("signal");
+    map.read("signal", rule.signals[0]);
+  }
+  const char* key = map.has("signals") ? "signals" : "signal";
+  if (map.has(key)) {
+    for (const std::string& signal : rule.signals)
+      check_signal(map, key, signal, rule.match, selected);
+  }
+  read_values(map, rule);
 }
 
 void read_inject(ConfigurationMap& map, AttackRule& rule, const FrameLayout& layout,
                  const Messages& selected) {
-  read_signal_and_value(map, rule, selected);
+  read_signals_and_values(map, rule, selected);
   read_count(map.map("count"), rule.count);
   rule.counter_signal = layout.counter_signal;
   const bool is_own_counter = map.has("counter_signal");
@@ -254,7 +297,7 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
                    {"substitute", Action::kSubstitute},
                    {"inject", Action::kInject}});
   const Messages selected = read_match(map.map("match"), rule, layout);
-  read_window(map.map("window"), rule.window);
+  rule.window.read(map.map("window"));
   map.read("probability", rule.probability, kProbability);
   map.read_choice("draw", rule.draw,
                   {{"frame", AttackRule::Draw::kFrame}, {"step", AttackRule::Draw::kStep}});
@@ -265,7 +308,7 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
       read_flip(map, rule, selected);
       break;
     case Action::kSubstitute:
-      read_signal_and_value(map, rule, selected);
+      read_signals_and_values(map, rule, selected);
       break;
     case Action::kInject:
       read_inject(map, rule, layout, selected);
@@ -275,14 +318,6 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
 }
 
 }  // namespace
-
-bool AttackWindow::contains(std::int64_t step, double step_s) const {
-  // Decimal periods are not exact in binary: 3 x 0.1 must still count as 0.3.
-  const double time_s = static_cast<double>(step) * step_s;
-  const double slack_s = 1e-6 * step_s;
-  return step >= first_step && step <= last_step && time_s >= from_s - slack_s &&
-         time_s <= to_s + slack_s;
-}
 
 const char* to_string(AttackRule::Action action) {
   switch (action) {

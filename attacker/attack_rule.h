@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/configuration.h"
+#include "common/step_window.h"
 #include "drivers/can/dbc.h"
 #include "drivers/can/frame_codec.h"
 
@@ -19,13 +20,22 @@ constexpr std::uint32_t frame_key(std::uint32_t identifier, bool is_extended) {
 
 /// Where the value of a substituted or forged signal comes from; physical units of the signal.
 struct ValueDistribution {
-  enum class Kind { kConstant, kUniform, kNormal, kBernoulli };
+  enum class Kind { kConstant, kUniform, kNormal, kBernoulli, kReplay };
 
   Kind kind = Kind::kConstant;
   double value = 0.0;            // constant
   double low = 0.0, high = 1.0;  // uniform, low <= high
   double mean = 0.0, std = 1.0;  // normal, std >= 0
   double probability = 0.5;      // bernoulli: 1 with this probability, else 0
+};
+
+/// Values of earlier genuine frames of the same message, for Kind::kReplay: those that the proxy
+/// read first in the step that lies this many steps back; a uniform whole number. A rule does
+/// nothing where there is no such frame.
+struct ReplayDelay {
+  static constexpr int kMax = 10000;
+
+  int low = 1, high = 1;
 };
 
 /// How many frames an injection forges, per step and matched message.
@@ -54,20 +64,6 @@ struct AttackMatch {
   bool matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const;
 };
 
-/// When a rule acts: steps and model time, both ends included, both conditions to be met.
-struct AttackWindow {
-  /// Largest step that a random stream can address; stands for "to the end".
-  static constexpr std::int64_t kLastStep = std::numeric_limits<std::uint32_t>::max();
-
-  std::int64_t first_step = 1;
-  std::int64_t last_step = kLastStep;
-  double from_s = 0.0;
-  double to_s = std::numeric_limits<double>::infinity();
-
-  /// True when step k, whose model time is k step_s, lies in the window.
-  bool contains(std::int64_t step, double step_s) const;
-};
-
 /// One rule of the attacker, as the list `attacks` of a scenario states it (docs/attacks.md).
 struct AttackRule {
   enum class Action : std::int32_t { kDrop = 0, kFlip = 1, kSubstitute = 2, kInject = 3 };
@@ -75,20 +71,26 @@ struct AttackRule {
 
   std::string name;
   AttackMatch match;
-  AttackWindow window;
+  StepWindow window;
   double probability = 1.0;
   Draw draw = Draw::kFrame;
   Action action = Action::kDrop;
 
-  std::string signal;          // flip, substitute, inject
-  int bit = -1;                // flip: payload bit as a DBC counts, -1 when a signal is flipped
-  ValueDistribution value;     // substitute, inject
-  CountDistribution count;     // inject
-  std::string counter_signal;  // inject: set to step + counter_offset; "" for none
+  static constexpr std::size_t kSignalsMax = 100;
+  std::vector<std::string> signals;  // flip: one; substitute, inject: at least one
+  int bit = -1;  // flip: payload bit as a DBC counts, -1 when a signal is flipped
+  std::vector<ValueDistribution> values;  // substitute, inject: one per signal, all of one kind
+  ReplayDelay replay;                     // of that kind
+  CountDistribution count;                // inject
+  std::string counter_signal;             // inject: set to step + counter_offset; "" for none
   std::int64_t counter_offset = 0;
 };
 
 const char* to_string(AttackRule::Action action);
+/// True when the rule takes its values from earlier frames.
+inline bool replays(const AttackRule& rule) {
+  return !rule.values.empty() && rule.values.front().kind == ValueDistribution::Kind::kReplay;
+}
 
 /// True when the rule, by name or identifier, speaks of this message; signals are not looked at.
 bool selects(const AttackMatch& match, const DbcMessage& message);

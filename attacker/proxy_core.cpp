@@ -1,5 +1,6 @@
 #include "attacker/proxy_core.h"
 
+#include <algorithm>
 #include <set>
 #include <utility>
 
@@ -15,8 +16,11 @@ enum Purpose : unsigned {
   kValue = 1,
   kCount = 2,
   kForgedValue = 3,
-  kSharedDecision = 4
+  kSharedDecision = 4,
+  kReplayDelay = 5,
+  kFurtherValues = 16  // of the second signal, the third, ...
 };
+static_assert(kFurtherValues + AttackRule::kSignalsMax < 128, "a purpose has seven bits");
 
 // key: 30 bits, index: 26 bits, purpose: 7 bits, and the two draws of a block.
 std::uint64_t draw_address(std::uint32_t key, std::uint32_t index, unsigned purpose) {
@@ -26,7 +30,7 @@ std::uint64_t draw_address(std::uint32_t key, std::uint32_t index, unsigned purp
 }
 
 bool needs_signal(const AttackRule& rule) {
-  return !rule.signal.empty() || !rule.match.signal.empty();
+  return !rule.signals.empty() || !rule.match.signal.empty();
 }
 
 // Frames may be shorter than the message says, so that the selector is looked at with care.
@@ -156,27 +160,49 @@ void ProxyCore::compile_by_message(std::uint32_t rule, const DbcMessage& message
 }
 
 std::optional<ProxyCore::Target> ProxyCore::make_target(const AttackRule& rule,
-                                                        const DbcMessage& message) const {
+                                                        const DbcMessage& message) {
   Target target;
   target.selector = copy_of(message.selector());
   if (!rule.match.signal.empty()) {
     target.compared = copy_of(message.find(rule.match.signal));
     if (!target.compared) return std::nullopt;
   }
-  if (!rule.signal.empty()) {
-    target.acted_on = copy_of(message.find(rule.signal));
-    if (!target.acted_on) return std::nullopt;
+  for (const std::string& name : rule.signals) {
+    const DbcSignal* signal = message.find(name);
+    if (signal == nullptr) return std::nullopt;
+    target.acted_on.push_back(*signal);
+  }
+  if (replays(rule)) {
+    target.history = history_for(rule, frame_key(message.identifier, message.is_extended));
   }
   if (rule.action != AttackRule::Action::kInject) return target;
   target.forged = message.empty_frame();
-  const DbcSignal& signal = *target.acted_on;
-  if (!signal.fits(target.forged.num_bytes)) return std::nullopt;
-  if (signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed && target.selector) {
-    target.selector->set_raw(payload(target.forged),
-                             static_cast<std::uint64_t>(selecting_value(signal)));
+  for (const DbcSignal& signal : target.acted_on) {
+    if (!signal.fits(target.forged.num_bytes)) return std::nullopt;
+    if (signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed && target.selector) {
+      target.selector->set_raw(payload(target.forged),
+                               static_cast<std::uint64_t>(selecting_value(signal)));
+    }
   }
   if (!rule.counter_signal.empty()) target.counter = copy_of(message.find(rule.counter_signal));
   return target;
+}
+
+// Rules that replay one message share its history.
+std::int32_t ProxyCore::history_for(const AttackRule& rule, std::uint32_t key) {
+  auto found = std::find_if(histories_.begin(), histories_.end(),
+                            [key](const FrameHistory& history) { return history.key() == key; });
+  if (found == histories_.end()) found = histories_.emplace(found, key);
+  found->reach_back(rule.replay.high);
+  return static_cast<std::int32_t>(found - histories_.begin());
+}
+
+void ProxyCore::remember(const CanFrame& frame) {
+  if (frame.has(CanFrame::kRemote)) return;
+  const std::uint32_t key = frame_key(frame.identifier, frame.has(CanFrame::kExtended));
+  for (FrameHistory& history : histories_) {
+    if (history.key() == key) history.remember(step_, frame);
+  }
 }
 
 void ProxyCore::open_rules() {
@@ -225,7 +251,9 @@ bool ProxyCore::can_act(const Candidate& candidate, const CanFrame& frame) const
   if (rule.bit >= 8 * frame.num_bytes) return false;
   if (candidate.target < 0) return true;
   const Target& target = targets_[static_cast<std::size_t>(candidate.target)];
-  if (target.acted_on && !carries(frame, *target.acted_on, target.selector)) return false;
+  for (const DbcSignal& signal : target.acted_on) {
+    if (!carries(frame, signal, target.selector)) return false;
+  }
   if (!target.compared) return true;
   if (!carries(frame, *target.compared, target.selector)) return false;
   const double value = target.compared->unpack(frame.bytes());
@@ -239,14 +267,16 @@ double ProxyCore::decision_draw(std::uint32_t rule, std::uint32_t key, std::uint
       is_shared ? draw_address(0, 0, kSharedDecision) : draw_address(key, index, kDecision));
 }
 
-double ProxyCore::draw_value(std::uint32_t rule, std::uint32_t key, std::uint32_t index,
-                             unsigned purpose) const {
+double ProxyCore::draw_value(std::uint32_t rule, std::size_t signal, std::uint32_t key,
+                             std::uint32_t index, unsigned purpose) const {
   using Kind = ValueDistribution::Kind;
-  const ValueDistribution& value = rules_[rule].value;
-  const std::uint64_t address = draw_address(key, index, purpose);
+  const ValueDistribution& value = rules_[rule].values[signal];
+  const std::uint64_t address = draw_address(
+      key, index, signal == 0 ? purpose : kFurtherValues + static_cast<unsigned>(signal));
   const auto step = static_cast<std::uint32_t>(step_);
   switch (value.kind) {
     case Kind::kConstant:
+    case Kind::kReplay:
       break;
     case Kind::kUniform: {
       const double u = streams_[rule].uniform(step, address);
@@ -260,20 +290,48 @@ double ProxyCore::draw_value(std::uint32_t rule, std::uint32_t key, std::uint32_
   return value.value;
 }
 
-void ProxyCore::alter(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
+// False, and the frame as it was, when what is to be replayed never came.
+bool ProxyCore::write_values(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
+                             unsigned purpose, CanFrame& frame) const {
+  const Target& target = targets_[static_cast<std::size_t>(candidate.target)];
+  if (target.history < 0) {
+    for (std::size_t i = 0; i < target.acted_on.size(); ++i) {
+      target.acted_on[i].pack(payload(frame), draw_value(candidate.rule, i, key, index, purpose));
+    }
+    return true;
+  }
+  const ReplayDelay& replay = rules_[candidate.rule].replay;
+  const double u = streams_[candidate.rule].uniform(static_cast<std::uint32_t>(step_),
+                                                    draw_address(key, index, kReplayDelay));
+  const int span = replay.high - replay.low + 1;
+  const int delay = replay.low + std::min(span - 1, static_cast<int>(u * span));
+  const CanFrame* earlier =
+      histories_[static_cast<std::size_t>(target.history)].find(step_ - delay);
+  if (earlier == nullptr) return false;
+  for (const DbcSignal& signal : target.acted_on) {
+    if (!carries(*earlier, signal, target.selector)) return false;
+  }
+  for (const DbcSignal& signal : target.acted_on) {
+    signal.set_raw(payload(frame), signal.raw(earlier->bytes()));
+  }
+  return true;
+}
+
+bool ProxyCore::alter(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
                       CanFrame& frame) const {
   const AttackRule& rule = rules_[candidate.rule];
-  if (rule.action == AttackRule::Action::kFlip && rule.bit >= 0) {
+  if (rule.action != AttackRule::Action::kFlip) {
+    return write_values(candidate, key, index, kValue, frame);
+  }
+  if (rule.bit >= 0) {
     frame.data[static_cast<std::size_t>(rule.bit) / 8] ^=
         static_cast<std::uint8_t>(1U << (rule.bit % 8));
-    return;
+    return true;
   }
-  const DbcSignal& signal = *targets_[static_cast<std::size_t>(candidate.target)].acted_on;
-  if (rule.action == AttackRule::Action::kFlip) {
-    signal.set_raw(payload(frame), signal.raw(frame.bytes()) ^ 1U);
-  } else {
-    signal.pack(payload(frame), draw_value(candidate.rule, key, index, kValue));
-  }
+  const Target& target = targets_[static_cast<std::size_t>(candidate.target)];
+  const DbcSignal& signal = target.acted_on.front();
+  signal.set_raw(payload(frame), signal.raw(frame.bytes()) ^ 1U);
+  return true;
 }
 
 void ProxyCore::on_frame(const CanFrame& frame, std::vector<CanFrame>& out,
@@ -286,6 +344,7 @@ void ProxyCore::on_frame(const CanFrame& frame, std::vector<CanFrame>& out,
   } else if (is_tick) {
     ++counters_.odd_ticks;
   }
+  if (!is_tick) remember(frame);
   const std::span<const Candidate> list =
       is_tick ? std::span<const Candidate>{} : candidates(frame);
   if (list.empty()) {
@@ -305,6 +364,7 @@ void ProxyCore::on_frame(const CanFrame& frame, std::vector<CanFrame>& out,
     const double draw = decision_draw(candidate.rule, key, index);
     if (draw >= rules_[candidate.rule].probability) continue;
     const bool is_drop = rules_[candidate.rule].action == AttackRule::Action::kDrop;
+    if (!is_drop && !alter(candidate, key, index, forwarded)) continue;
     if (!is_touched) records.emplace_back();
     AttackRecord& record = records.back();
     if (!is_touched || is_drop) {
@@ -316,7 +376,6 @@ void ProxyCore::on_frame(const CanFrame& frame, std::vector<CanFrame>& out,
       record.disposition = AttackRecord::Disposition::kDropped;
       break;
     }
-    alter(candidate, key, index, forwarded);
   }
   if (!is_touched) {
     ++counters_.passed;
@@ -363,7 +422,7 @@ void ProxyCore::inject(const Candidate& candidate, std::vector<CanFrame>& out,
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::uint32_t>(i);
     CanFrame frame = target.forged;
-    target.acted_on->pack(payload(frame), draw_value(candidate.rule, key, index, kForgedValue));
+    if (!write_values(candidate, key, index, kForgedValue, frame)) continue;
     if (target.counter && target.counter->fits(frame.num_bytes)) {
       target.counter->set_raw(payload(frame),
                               static_cast<std::uint64_t>(step_ + rule.counter_offset));

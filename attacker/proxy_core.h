@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "attacker/attack_rule.h"
+#include "attacker/frame_history.h"
 #include "common/random_stream.h"
 #include "drivers/can/can_frame.h"
 #include "drivers/can/dbc.h"
@@ -86,9 +87,11 @@ class ProxyCore {
  private:
   // Where a rule finds its signals in one message.
   struct Target {
-    std::optional<DbcSignal> compared, acted_on, selector;
+    std::optional<DbcSignal> compared, selector;
+    std::vector<DbcSignal> acted_on;
     CanFrame forged;                   // injection: the message before value and counter are set
     std::optional<DbcSignal> counter;  // injection
+    std::int32_t history = -1;         // index into histories_, of a rule that replays
   };
   // A rule that may match frames of an identifier; the mask is 0 where that is settled.
   struct Candidate {
@@ -102,7 +105,7 @@ class ProxyCore {
   void compile_by_message(std::uint32_t rule, const DbcMessage& message,
                           std::vector<std::vector<Candidate>>& standard);
   void add_extended(std::uint32_t identifier, const Candidate& candidate);
-  std::optional<Target> make_target(const AttackRule& rule, const DbcMessage& message) const;
+  std::optional<Target> make_target(const AttackRule& rule, const DbcMessage& message);
   void open_rules();
 
   bool has_tick_identifier(const CanFrame& frame) const;
@@ -111,10 +114,14 @@ class ProxyCore {
   std::uint32_t next_index(const CanFrame& frame);
   bool can_act(const Candidate& candidate, const CanFrame& frame) const;
   double decision_draw(std::uint32_t rule, std::uint32_t key, std::uint32_t index) const;
-  double draw_value(std::uint32_t rule, std::uint32_t key, std::uint32_t index,
+  double draw_value(std::uint32_t rule, std::size_t signal, std::uint32_t key, std::uint32_t index,
                     unsigned purpose) const;
-  void alter(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
+  bool write_values(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
+                    unsigned purpose, CanFrame& frame) const;
+  bool alter(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
              CanFrame& frame) const;
+  std::int32_t history_for(const AttackRule& rule, std::uint32_t key);
+  void remember(const CanFrame& frame);
   void inject(const Candidate& candidate, std::vector<CanFrame>& out,
               std::vector<AttackRecord>& records);
 
@@ -122,6 +129,7 @@ class ProxyCore {
   std::vector<RandomStream> streams_;  // one per rule
   std::vector<char> is_open_;          // per rule: the current step lies in its window
   std::vector<Target> targets_;
+  std::vector<FrameHistory> histories_;
   DbcMessage tick_;
   DbcSignal tick_step_;
   std::uint64_t tick_mask_ = 0;

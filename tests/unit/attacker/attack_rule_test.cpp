@@ -41,7 +41,7 @@ TEST_CASE("a rule is read with its defaults, and the resolved document states th
   CHECK(rule.probability == 1.0);
   CHECK(rule.draw == AttackRule::Draw::kFrame);
   CHECK(rule.window.first_step == 1);
-  CHECK(rule.window.last_step == AttackWindow::kLastStep);
+  CHECK(rule.window.last_step == StepWindow::kLastStep);
   CHECK(rule.match.matches_identifier(0x101, false));
   CHECK_FALSE(rule.match.matches_identifier(0x103, false));
   CHECK_FALSE(rule.match.matches_identifier(0x101, true));
@@ -96,9 +96,9 @@ attacks:
   CHECK(inject.window.first_step == 5);
   CHECK(inject.window.last_step == 9);
   CHECK(inject.draw == AttackRule::Draw::kStep);
-  CHECK(inject.value.kind == ValueDistribution::Kind::kNormal);
-  CHECK(inject.value.mean == 2.0);
-  CHECK(inject.value.std == 3.0);
+  CHECK(inject.values[0].kind == ValueDistribution::Kind::kNormal);
+  CHECK(inject.values[0].mean == 2.0);
+  CHECK(inject.values[0].std == 3.0);
   CHECK(inject.count.kind == CountDistribution::Kind::kPoisson);
   CHECK(inject.count.mean == 1.5);
   CHECK(inject.counter_signal == "STEP");
@@ -184,7 +184,7 @@ TEST_CASE("a signal must be in every message that was named, and in one of those
 }
 
 TEST_CASE("a window counts both ends, in steps and in seconds, whatever the binary rounding") {
-  AttackWindow window;
+  StepWindow window;
   window.from_s = 0.3;
   window.to_s = 0.7;
   for (int step = 1; step <= 10; ++step) {

@@ -34,10 +34,17 @@ BO_ 2566848513 Wide: 8 Node
  SG_ STATE : 0|2@1+ (1,0) [0|3] "" Node
  SG_ STEP : 8|16@1+ (1,0) [0|65535] "" Node
 
+BO_ 320 Pair: 10 Other
+ SG_ LEFT : 0|32@1- (1,0) [0|0] "m" Node
+ SG_ RIGHT : 32|32@1- (1,0) [0|0] "m" Node
+ SG_ STEP : 64|16@1+ (1,0) [0|65535] "" Node
+
 BO_ 2032 StepTick: 2 Node
  SG_ STEP : 0|16@1+ (1,0) [0|65535] "" Node
 
 SIG_VALTYPE_ 288 LEVEL : 1;
+SIG_VALTYPE_ 320 LEFT : 1;
+SIG_VALTYPE_ 320 RIGHT : 1;
 )dbc");
   layout.messages = {"Flag1", "Flag2", "Flag3"};
   layout.signals = {"DETECT"};

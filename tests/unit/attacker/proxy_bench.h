@@ -9,9 +9,9 @@
 
 namespace holdfast::test {
 
-/// Six messages: Flag1..Flag3 (0x101..0x103: DETECT 1 bit, STEP 16 bits), Level (0x120: LEVEL
+/// Seven messages: Flag1..Flag3 (0x101..0x103: DETECT 1 bit, STEP 16 bits), Level (0x120: LEVEL
 /// float, STEP), Wide (29 bits, 0x18FF0001: STATE, STEP), Mux (0x130: WHICH, A when 1, B when 2),
-/// and the tick (0x7F0: STEP, 16 bits).
+/// Pair (0x140, FD: LEFT and RIGHT float, STEP), and the tick (0x7F0: STEP, 16 bits).
 FrameLayout test_layout();
 
 /// Rules of YAML text "attacks: [...]"; throws ConfigurationError with all problems.
