@@ -1,0 +1,148 @@
+#include "plant/signal_attack_plant.h"
+
+#include "tests/support/catch.h"
+
+namespace holdfast {
+namespace {
+
+SystemModel two_state_model(double noise) {
+  SystemModel model;
+  model.A = (Eigen::MatrixXd(2, 2) << 0.9, 0.2, 0.0, 0.7).finished();
+  model.C = (Eigen::MatrixXd(3, 2) << 1, 0, 0, 1, 1, 1).finished();
+  model.G = (Eigen::MatrixXd(2, 1) << 0.5, 1.0).finished();
+  model.H = (Eigen::MatrixXd(3, 1) << 0.0, 0.0, 2.0).finished();
+  model.Q = noise * (Eigen::MatrixXd(2, 2) << 2.0, 0.6, 0.6, 1.0).finished();
+  model.R = noise * (Eigen::MatrixXd(3, 3) << 1, 0.3, 0, 0.3, 1, 0, 0, 0, 4).finished();
+  model.step_s = 0.1;
+  model.state_names = {"x_1", "x_2"};
+  model.measurement_names = {"y_1", "y_2", "y_3"};
+  model.attack_names = {"a"};
+  return model;
+}
+
+SignalAttackPlantOptions options_of(const std::string& yaml, const SystemModel& model) {
+  ConfigurationDocument document = ConfigurationDocument::from_text(yaml, "test.yaml");
+  SignalAttackPlantOptions options;
+  ConfigurationMap root = document.root();
+  options.read(root, model, "");
+  document.finish();
+  return options;
+}
+
+const char* const kConstantAttack =
+    "{start_state: [1, -1], signal_attacks: [{channel: a, amplitude: 3, "
+    "window: {first_step: 4, last_step: 6}}]}";
+
+}  // namespace
+
+TEST_CASE("without noise the plant is its model, and the attack acts in its window only") {
+  const SystemModel model = two_state_model(0.0);
+  SignalAttackPlant plant(model, options_of(kConstantAttack, model), {{0, 1}, {2}}, 1, 0);
+  Eigen::VectorXd x = (Eigen::VectorXd(2) << 1.0, -1.0).finished();
+  for (int k = 1; k <= 10; ++k) {
+    const Eigen::VectorXd a = Eigen::VectorXd::Constant(1, k >= 4 && k <= 6 ? 3.0 : 0.0);
+    const PlantStep& step = plant.advance();
+    CHECK(step.step == k);
+    CHECK((step.state - x).norm() < 1e-14);
+    REQUIRE(step.attack_signals.size() == 1);
+    CHECK(step.attack_signals[0].name == "attack");
+    CHECK(step.attack_signals[0].value == std::vector<double>{a[0]});
+    REQUIRE(step.readings.size() == 2);
+    CHECK(step.readings[0] == std::vector<double>{x[0], x[1]});
+    CHECK(step.readings[1][0] == Approx(x[0] + x[1] + 2.0 * a[0]));
+    CHECK(step.clean_readings[1][0] == Approx(x[0] + x[1]));
+    x = model.A * x + model.G * a;
+  }
+}
+
+TEST_CASE("a waveform begins with the first step of its window, in steps or in seconds") {
+  const SystemModel model = two_state_model(0.0);
+  for (const char* window : {"{first_step: 5}", "{from_s: 0.5}", "{first_step: 2, from_s: 0.5}"}) {
+    SignalAttackPlant plant(
+        model,
+        options_of("{signal_attacks: [{channel: a, waveform: ramp, amplitude: 10, window: " +
+                       std::string(window) + "}]}",
+                   model),
+        {{0, 1, 2}}, 1, 0);
+    for (int k = 1; k <= 8; ++k) {
+      INFO(window << " step " << k);
+      CHECK(plant.advance().attack_signals[0].value[0] == Approx(k < 5 ? 0.0 : k - 5.0));
+    }
+  }
+}
+
+TEST_CASE("process and measurement noise have the model's covariances") {
+  const double noise = 0.01;
+  const SystemModel model = two_state_model(noise);
+  Eigen::Matrix2d process = Eigen::Matrix2d::Zero();
+  Eigen::Matrix3d measurement = Eigen::Matrix3d::Zero();
+  int count = 0;
+  for (std::uint32_t run = 0; run < 40; ++run) {
+    SignalAttackPlant plant(model, options_of("{start_state: [1, 1]}", model), {{0, 1, 2}}, 7, run);
+    Eigen::VectorXd before;
+    for (int k = 1; k <= 501; ++k) {
+      const PlantStep& step = plant.advance();
+      const Eigen::Map<const Eigen::Vector3d> y(step.readings[0].data());
+      if (k > 1) {
+        const Eigen::Vector2d w = step.state - model.A * before;
+        const Eigen::Vector3d v = y - model.C * step.state;
+        process += w * w.transpose();
+        measurement += v * v.transpose();
+        ++count;
+      }
+      before = step.state;
+    }
+  }
+  process /= count;
+  measurement /= count;
+  // The variance of a sample covariance is (S_ii S_jj + S_ij^2) / count; 4 standard deviations.
+  const auto check = [count](const auto& sample, const Eigen::MatrixXd& expected) {
+    for (Eigen::Index i = 0; i < expected.rows(); ++i) {
+      for (Eigen::Index j = 0; j < expected.cols(); ++j) {
+        const double deviation =
+            std::sqrt((expected(i, i) * expected(j, j) + expected(i, j) * expected(i, j)) / count);
+        CHECK(std::abs(sample(i, j) - expected(i, j)) < 4.0 * deviation);
+      }
+    }
+  };
+  check(process, model.Q);
+  check(measurement, model.R);
+  // Negative control: half the correlation is told apart.
+  CHECK(std::abs(process(0, 1) - 0.3 * noise) > 4.0 * std::sqrt(2.36 / count) * noise);
+}
+
+TEST_CASE("a random start spreads as asked, and the attack shifts no draw of the noise") {
+  const SystemModel model = two_state_model(0.01);
+  double sum = 0.0, squares = 0.0;
+  const int num_runs = 4000;
+  for (int run = 0; run < num_runs; ++run) {
+    SignalAttackPlant plant(model, options_of("{start_state: [5, 0], start_std: [2, 0]}", model),
+                            {{0, 1, 2}}, 1, static_cast<std::uint32_t>(run));
+    const PlantStep& step = plant.advance();
+    CHECK(step.state[1] == 0.0);
+    sum += step.state[0] - 5.0;
+    squares += (step.state[0] - 5.0) * (step.state[0] - 5.0);
+  }
+  CHECK(std::abs(sum / num_runs) < 4.0 * 2.0 / std::sqrt(num_runs));
+  CHECK(std::abs(squares / num_runs - 4.0) < 4.0 * 4.0 * std::sqrt(2.0 / num_runs));
+
+  SignalAttackPlant attacked(model, options_of(kConstantAttack, model), {{0, 1, 2}}, 1, 0);
+  SignalAttackPlant quiet(model, options_of("{start_state: [1, -1]}", model), {{0, 1, 2}}, 1, 0);
+  for (int k = 1; k <= 4; ++k) {
+    const PlantStep& a = attacked.advance();
+    const PlantStep& b = quiet.advance();
+    CHECK(a.state == b.state);
+    CHECK(a.clean_readings == b.clean_readings);
+  }
+}
+
+TEST_CASE("a signal attack on a channel that is not there is told") {
+  const SystemModel model = two_state_model(0.01);
+  CHECK_THROWS_WITH(options_of("{signal_attacks: [{channel: b}]}", model),
+                    Catch::Contains("none of the plant's attack channels: a"));
+  CHECK_THROWS_WITH(options_of("{signal_attacks: [{amplitude: 1}]}", model),
+                    Catch::Contains("channel"));
+  CHECK_THROWS_WITH(options_of("{start_state: [1]}", model), Catch::Contains("start_state"));
+}
+
+}  // namespace holdfast
