@@ -19,8 +19,7 @@ AttackerProcess::AttackerProcess(const Experiment& experiment, const std::string
     : experiment_(experiment), link_(link), core_(experiment.make_proxy(0)) {
   if (link_ == nullptr) return;
   status_.emplace(*link_, "attacker");
-  if (experiment.record_frames)
-    sent_record_.emplace(*link_, "CAN_TX", to_url, experiment.model.step_s);
+  if (experiment.record_frames) sent_record_.emplace(*link_, "CAN_TX", to_url, experiment.step_s());
 }
 
 void AttackerProcess::remark(const std::string& text) {
@@ -59,7 +58,7 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
 
 void AttackerProcess::record() {
   for (const AttackRecord& touched : records_) {
-    to_message(touched, core_.rules(), experiment_.model.step_s, attack_frame_);
+    to_message(touched, core_.rules(), experiment_.step_s(), attack_frame_);
     link_->publish("ATTACK_FRAME", attack_frame_);
   }
   if (sent_record_) {

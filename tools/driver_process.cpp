@@ -12,7 +12,7 @@ DriverProcess::DriverProcess(const Experiment& experiment, LcmLink& link,
       codec_(experiment.layout),
       assembler_(codec_, experiment.assembler),
       radio_(experiment.make_radio_channel(0)),
-      record_(link, "CAN_RX", bus_url, experiment.model.step_s) {}
+      record_(link, "CAN_RX", bus_url, experiment.step_s()) {}
 
 void DriverProcess::on_readable(CanBus& bus) {
   for (;;) {

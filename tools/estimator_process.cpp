@@ -10,9 +10,9 @@ namespace {
 std::unique_ptr<Estimator> make_live_estimator(const Experiment& experiment,
                                                const EstimatorEntry& entry) {
   if (entry.is_outside()) throw UsageError("estimator '" + entry.name + "' is an outside command");
-  if (entry.input == EstimatorEntry::Input::kClean) {
+  if (entry.is_campaign_only()) {
     throw UsageError("estimator '" + entry.name +
-                     "' sees clean readings: it runs in a campaign only");
+                     "' sees what only a simulation knows: it runs in a campaign only");
   }
   return experiment.make_estimator(entry, 0);
 }
@@ -24,7 +24,7 @@ EstimatorProcess::EstimatorProcess(const Experiment& experiment, const Estimator
     : link_(link),
       status_(link, entry.name),
       estimator_(make_live_estimator(experiment, entry)),
-      session_(*estimator_, experiment.num_steps, experiment.model.step_s),
+      session_(*estimator_, experiment.num_steps, experiment.step_s()),
       estimate_channel_(channel_name("EST_", entry.name)),
       timing_channel_(channel_name("TIMING_", entry.name)) {
   link.subscribe<measurement_set_t>(

@@ -21,69 +21,11 @@ void check_name(ConfigurationMap& map, const std::string& name) {
     map.problem("name", "'" + name + "' must be lower-case letters, digits and '_', at most 40");
 }
 
-// A believed value that is tied to the true one by the word "same", so that a sweep moves both.
-void read_assumed(ConfigurationMap& map, const char* key, std::vector<double>& value,
-                  const std::vector<double>& truth) {
-  std::string text = "same";
-  const bool is_same = !map.has(key) || (map.scalar_text(key, text) && text == "same");
-  if (is_same) {
-    map.read(key, text);
-    value = truth;
-  } else {
-    map.read_shared(key, value, truth.size(), kProbability);
-  }
-}
-
-// True for a rule that flips each frame of its messages with one probability, in every step.
-bool flips_always(const AttackRule& rule) {
-  const AttackWindow everywhere;
-  return rule.bit < 0 && rule.match.signal.empty() &&
-         rule.window.first_step == everywhere.first_step &&
-         rule.window.last_step == everywhere.last_step && rule.window.from_s == everywhere.from_s &&
-         rule.window.to_s == everywhere.to_s;
-}
-
-// Probability that a sensor's bit arrives inverted. A rule that flips only at times has none.
-std::vector<double> true_flip_probability(const Experiment& experiment, std::string& untied_rule) {
-  std::vector<double> flip(experiment.model.num_sensors(), 0.0);
-  if (!experiment.has_bus()) return flip;  // no bus, no proxy: no rule acts
-  for (const AttackRule& rule : experiment.rules) {
-    if (rule.action != AttackRule::Action::kFlip) continue;
-    if (!flips_always(rule)) untied_rule = rule.name;
-    for (std::size_t s = 0; s < flip.size() && s < experiment.layout.messages.size(); ++s) {
-      const DbcMessage* message = experiment.layout.dbc.find(experiment.layout.messages[s]);
-      if (message == nullptr || !selects(rule.match, *message)) continue;
-      flip[s] = flip[s] * (1.0 - rule.probability) + (1.0 - flip[s]) * rule.probability;
-    }
-  }
-  return flip;
-}
-
-void read_assumes(ConfigurationMap map, const Experiment& experiment, EstimatorEntry& entry) {
-  entry.assumes = experiment.plant.attack;
-  read_assumed(map, "dos", entry.assumes.dos, experiment.plant.attack.dos);
-  read_assumed(map, "deception", entry.assumes.deception, experiment.plant.attack.deception);
-  std::string untied_rule, flip_text = "same";
-  const std::vector<double> flip = true_flip_probability(experiment, untied_rule);
-  const bool is_tied =
-      !map.has("flip") || (map.scalar_text("flip", flip_text) && flip_text == "same");
-  if (is_tied && !untied_rule.empty()) {
-    map.problem("flip", "cannot be the same as rule '" + untied_rule +
-                            "', which flips only at times; give a number");
-  }
-  read_assumed(map, "flip", entry.assumes.flip, flip);
-  std::vector<double> range = {entry.assumes.deception_low, entry.assumes.deception_high};
-  map.read("deception_range", range, 2);
-  if (range.size() == 2 && range[0] < range[1]) {
-    entry.assumes.deception_low = range[0];
-    entry.assumes.deception_high = range[1];
-  } else {
-    map.problem("deception_range", "must be [low, high] with low < high");
-  }
-}
-
 void read_estimators(ConfigurationMap& root, Experiment& experiment) {
   std::set<std::string> names;
+  const std::vector<AttackRule> no_rules;  // no bus, no proxy: no rule acts
+  const MethodContext context{experiment.plant, experiment.layout,
+                              experiment.has_bus() ? experiment.rules : no_rules};
   for (ConfigurationMap& map : root.maps("estimators")) {
     EstimatorEntry entry;
     map.require("name");
@@ -99,22 +41,7 @@ void read_estimators(ConfigurationMap& root, Experiment& experiment) {
       experiment.estimators.push_back(std::move(entry));
       continue;
     }
-    std::string method = "secure_particle_filter";
-    map.read("method", method);
-    if (method != "secure_particle_filter") {
-      map.problem("method", "'" + method + "' is none of: secure_particle_filter");
-    }
-    map.read_choice(
-        "input", entry.input,
-        {{"received", EstimatorEntry::Input::kReceived}, {"clean", EstimatorEntry::Input::kClean}});
-    entry.model = experiment.model;
-    entry.model.read(map.map("model"));
-    if (entry.model.num_sensors() != experiment.model.num_sensors()) {
-      map.problem("model", "must have as many sensors as the plant's");
-      continue;
-    }
-    read_assumes(map.map("assumes"), experiment, entry);
-    entry.particle_filter.read(map);
+    read_method(map, context, entry);
     experiment.estimators.push_back(std::move(entry));
   }
 }
@@ -144,21 +71,13 @@ void read_network(ConfigurationMap map, const std::string& folder, Experiment& e
   }
   experiment.assembler.check_counter = check == "match";
   experiment.assembler.closed_by_tick = close == "tick";
-  if (experiment.layout.messages.size() != experiment.model.num_sensors()) {
-    map.problem("messages", std::to_string(experiment.layout.messages.size()) + " messages for " +
-                                std::to_string(experiment.model.num_sensors()) + " sensors");
-  }
-  if (experiment.layout.signals.size() != 1)
-    map.problem("signals", "a binary sensor has one signal");
+  experiment.plant.take_layout(experiment.layout, map);
 }
 
 void read_groups(ConfigurationMap& root, Experiment& experiment) {
-  experiment.state_names =
-      BinaryTargetPlant(experiment.model, experiment.plant, 0, 0).state_names();
+  experiment.state_names = experiment.plant.state_names();
   root.read("state_names", experiment.state_names);
-  if (!root.has("state_groups")) {
-    experiment.state_groups = {{"position", {0, 2}, "m", 20.0}, {"velocity", {1, 3}, "m/s", 0.0}};
-  }
+  if (!root.has("state_groups")) experiment.state_groups = experiment.plant.default_groups();
   for (ConfigurationMap& map : root.maps("state_groups")) {
     StateGroup group;
     std::vector<double> states;
@@ -195,6 +114,24 @@ void read_groups(ConfigurationMap& root, Experiment& experiment) {
   root.resolve("state_groups", list);
 }
 
+void read_windows(ConfigurationMap& campaign, Experiment& experiment) {
+  for (ConfigurationMap& map : campaign.maps("windows")) {
+    MetricsWindow window;
+    window.last_step = experiment.num_steps;
+    map.require("name");
+    map.read("name", window.name);
+    check_name(map, window.name);
+    for (const MetricsWindow& other : experiment.windows) {
+      if (other.name == window.name) map.problem("name", "'" + window.name + "' is taken");
+    }
+    map.read("first_step", window.first_step, {1.0, 1e9});
+    map.read("last_step", window.last_step, {1.0, 1e9});
+    if (window.last_step < window.first_step) map.problem("last_step", "lies before first_step");
+    map.read("fresh_steps", window.fresh_steps, {-1.0, 1e6});
+    experiment.windows.push_back(window);
+  }
+}
+
 Experiment read_experiment(ConfigurationDocument document, const std::string& folder) {
   Experiment experiment;
   ConfigurationMap root = document.root();
@@ -209,23 +146,23 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
   root.read("steps", experiment.num_steps, {1.0, 1e9});
   root.read("period_s", experiment.period_s, kNonNegative);
 
-  ConfigurationMap plant = root.map("plant");
-  std::string kind = "binary_target";
-  plant.read("kind", kind);
-  if (kind != "binary_target") plant.problem("kind", "'" + kind + "' is none of: binary_target");
-  if (plant.has("command")) plant.read("command", experiment.plant_command);
-  experiment.model.read(plant.map("model"));
-  experiment.plant.read(plant, experiment.model.num_sensors());
-
+  experiment.plant.read(root.map("plant"), folder);
   read_network(root.map("network"), folder, experiment);
   experiment.assembler.num_steps = experiment.num_steps;
-  experiment.assembler.step_s = experiment.model.step_s;
+  experiment.assembler.step_s = experiment.step_s();
   experiment.rules = read_attack_rules(root, experiment.layout);
   read_estimators(root, experiment);
   read_groups(root, experiment);
   ConfigurationMap campaign = root.map("campaign");
   campaign.read("runs", experiment.campaign_runs, {1.0, 1e9});
   campaign.read("detection_threshold", experiment.detection_threshold, kProbability);
+  // Where packets are injected at every step, only the signal attack is what a detector looks for.
+  if (experiment.plant.has_vector_readings()) experiment.attack_truth = AttackTruth::kSignals;
+  campaign.read_choice("attack_truth", experiment.attack_truth,
+                       {{"any", AttackTruth::kAny},
+                        {"signals", AttackTruth::kSignals},
+                        {"frames", AttackTruth::kFrames}});
+  read_windows(campaign, experiment);
   experiment.sweep = read_sweep(campaign, "sweep");
   document.finish();
   experiment.resolved = document.resolved_text();
@@ -249,33 +186,30 @@ std::string Experiment::kernel_text() const {
   std::string list;
   for (const EstimatorEntry& entry : estimators) {
     if (entry.is_outside()) continue;
-    const std::string& asked = entry.particle_filter.kernel;
-    const std::string kernel = asked == "auto" ? particle_kernel_name() : asked;
-    kernels.insert(kernel);
-    list += (list.empty() ? "" : " ") + entry.name + "=" + kernel;
+    kernels.insert(entry.kernel);
+    list += (list.empty() ? "" : " ") + entry.name + "=" + entry.kernel;
   }
   if (kernels.empty()) return particle_kernel_name();
   return kernels.size() == 1 ? *kernels.begin() : list;
 }
 
 std::unique_ptr<Plant> Experiment::make_plant(std::uint32_t run) const {
-  return std::make_unique<BinaryTargetPlant>(model, plant, static_cast<std::uint64_t>(seed), run);
+  return plant.make(static_cast<std::uint64_t>(seed), run);
 }
 
 std::unique_ptr<Estimator> Experiment::make_estimator(const EstimatorEntry& entry,
                                                       std::uint32_t run) const {
-  return std::make_unique<SecureParticleFilter>(entry.model, entry.assumes, entry.particle_filter,
-                                                static_cast<std::uint64_t>(seed), run,
-                                                "estimator/particles");
+  return entry.make(static_cast<std::uint64_t>(seed), run);
 }
 
 ProxyCore Experiment::make_proxy(std::uint32_t run) const {
-  return ProxyCore(rules, layout, static_cast<std::uint64_t>(seed), run, model.step_s);
+  return ProxyCore(rules, layout, static_cast<std::uint64_t>(seed), run, step_s());
 }
 
 std::unique_ptr<RadioChannel> Experiment::make_radio_channel(std::uint32_t run) const {
-  if (!model.has_radio_channel) return nullptr;
-  return std::make_unique<RadioChannel>(model.radio_gain, model.radio_noise_std,
+  const BinaryTargetSetup* target = plant.binary_target();
+  if (target == nullptr || !target->model.has_radio_channel) return nullptr;
+  return std::make_unique<RadioChannel>(target->model.radio_gain, target->model.radio_noise_std,
                                         static_cast<std::uint64_t>(seed), run);
 }
 

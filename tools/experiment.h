@@ -6,31 +6,16 @@
 
 #include "attacker/attack_rule.h"
 #include "attacker/proxy_core.h"
-#include "common/models/binary_target/binary_target_model.h"
 #include "drivers/can/frame_codec.h"
 #include "drivers/measurement_assembler.h"
 #include "drivers/radio_channel.h"
-#include "estimators/estimator.h"
-#include "estimators/secure_particle_filter.h"
-#include "plant/binary_target_plant.h"
+#include "tools/estimator_methods.h"
 #include "tools/metrics/run_scores.h"
+#include "tools/metrics/windows.h"
+#include "tools/plant_setup.h"
 #include "tools/sweep.h"
 
 namespace holdfast {
-
-/// One estimator of a scenario: one of ours, or an outside command.
-struct EstimatorEntry {
-  enum class Input { kReceived, kClean };
-
-  std::string name;
-  std::string command;             // of an outside program; empty for ours
-  Input input = Input::kReceived;  // kClean: sees what the sensors would have sent; campaign only
-  BinaryTargetModel model;         // what the estimator believes; the plant's unless overridden
-  BinaryTargetModel::Attack assumes;
-  SecureParticleFilterOptions particle_filter;
-
-  bool is_outside() const { return !command.empty(); }
-};
 
 /// A scenario, read and checked: everything that a program needs to build its part.
 struct Experiment {
@@ -39,9 +24,7 @@ struct Experiment {
   std::int64_t num_steps = 100;
   double period_s = 0.02;  // live pace of a step; 0: as fast as the bus goes
 
-  std::string plant_command;  // of an outside plant; empty for ours
-  BinaryTargetModel model;
-  BinaryTargetPlantOptions plant;
+  PlantSetup plant;
 
   std::string sensor_bus = "auto", monitor_bus = "auto";  // URLs, "auto", or both "none"
   FrameLayout layout;
@@ -53,12 +36,15 @@ struct Experiment {
   std::vector<std::string> state_names;
   std::vector<StateGroup> state_groups;
   std::int64_t campaign_runs = 100;
-  Sweep sweep;                       // of campaigns
-  double detection_threshold = 0.5;  // attack probability at which an attack is called
+  Sweep sweep;                                   // of campaigns
+  double detection_threshold = 0.5;              // attack probability at which an attack is called
+  std::vector<MetricsWindow> windows;            // of a campaign's metrics
+  AttackTruth attack_truth = AttackTruth::kAny;  // what makes a step count as attacked
 
   std::string resolved;  // YAML with every default written out, DBC text included
 
   bool has_bus() const { return sensor_bus != "none"; }
+  double step_s() const { return plant.step_s(); }
   /// Numeric kernels of the estimators, for RUN_META: one name, or "name=kernel" for each when they
   /// differ. Equal bits are promised for equal kernels only.
   std::string kernel_text() const;

@@ -121,8 +121,8 @@ class Launcher {
       if (entry.is_outside())
         std::cout << "outside    " << entry.name << ": " << printable(entry.command) << "\n";
     }
-    if (!experiment_.plant_command.empty())
-      std::cout << "outside    plant: " << printable(experiment_.plant_command) << "\n";
+    if (!experiment_.plant.command.empty())
+      std::cout << "outside    plant: " << printable(experiment_.plant.command) << "\n";
     describe_way_in();
   }
 
@@ -222,7 +222,7 @@ class Launcher {
       if (entry.is_outside()) {
         members_->start(entry.name, outside_command(entry.command, entry.name),
                         Role::kOutsideEstimator);
-      } else if (entry.input == EstimatorEntry::Input::kClean) {
+      } else if (entry.is_campaign_only()) {
         std::cout << "left out   " << entry.name
                   << ": sees clean readings, which only a campaign has" << std::endl;
       } else {
@@ -243,10 +243,10 @@ class Launcher {
   bool start_plant() {
     std::vector<std::string> arguments = {"--bus", network_.sensor_bus};
     for (const std::string& argument : owned()) arguments.push_back(argument);
-    if (experiment_.plant_command.empty()) {
+    if (experiment_.plant.command.empty()) {
       members_->start("plant", command("holdfast-plant", arguments), Role::kOurs);
     } else {
-      members_->start("plant", outside_command(experiment_.plant_command, "plant"),
+      members_->start("plant", outside_command(experiment_.plant.command, "plant"),
                       Role::kOutsidePlant);
     }
     has_plant_started_ = true;

@@ -40,9 +40,9 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
   if (!name.empty()) experiment.estimator(name);
   for (const EstimatorEntry& entry : experiment.estimators) {
     const bool is_wanted = name.empty() || entry.name == name;
-    if (!is_wanted || entry.is_outside() || entry.input == EstimatorEntry::Input::kClean) continue;
+    if (!is_wanted || entry.is_outside() || entry.is_campaign_only()) continue;
     auto estimator = experiment.make_estimator(entry, static_cast<std::uint32_t>(meta.run));
-    EstimatorSession session(*estimator, experiment.num_steps, experiment.model.step_s);
+    EstimatorSession session(*estimator, experiment.num_steps, experiment.step_s());
     replayed.push_back(
         {channel_name("EST_", entry.name), std::move(estimator), std::move(session)});
   }

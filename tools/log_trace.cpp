@@ -33,7 +33,8 @@ constexpr std::int64_t kLossJumpMax = 1'000'000;
 
 class LogCollector {
  public:
-  LogCollector(LogTrace& trace, const ScenarioFacts& facts) : trace_(trace) {
+  LogCollector(LogTrace& trace, const ScenarioFacts& facts)
+      : trace_(trace), attack_truth_(facts.attack_truth) {
     for (const char* process : {"plant", "driver", "attacker"})
       known_channels_.insert(channel_name("STATUS_", process));
     for (const auto& [name, is_campaign_only] : facts.estimators) {
@@ -192,7 +193,8 @@ class LogCollector {
     std::vector<double>& signal = trace_.attack_signals[message.step];
     signal.insert(signal.end(), message.value.begin(), message.value.end());
     const auto acts = [](double value) { return value != 0.0; };
-    if (std::ranges::any_of(message.value, acts)) trace_.attacked_steps.insert(message.step);
+    if (attack_truth_ != AttackTruth::kFrames && std::ranges::any_of(message.value, acts))
+      trace_.attacked_steps.insert(message.step);
   }
 
   void on_measurement(const measurement_set_t& message, ChannelTrouble& trouble) {
@@ -207,7 +209,7 @@ class LogCollector {
     ++trace_.frames_touched;
     trace_.knows_attacks = true;
     if (is_step(message.step, trouble)) {
-      trace_.attacked_steps.insert(message.step);
+      if (attack_truth_ != AttackTruth::kSignals) trace_.attacked_steps.insert(message.step);
       const bool has_original = message.disposition != attack_frame_t::INJECTED;
       const can_frame_t& frame = has_original ? message.original : message.forwarded;
       trace_.touched.push_back(
@@ -245,6 +247,7 @@ class LogCollector {
   }
 
   LogTrace& trace_;
+  AttackTruth attack_truth_;
   std::set<std::string> known_channels_, other_channels_;
   std::map<std::string, std::int64_t> last_seq_, last_utime_;
   std::int64_t last_log_utime_ = 0;

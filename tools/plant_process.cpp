@@ -37,7 +37,7 @@ bool PlantProcess::advance() {
 
 void PlantProcess::publish_truth(const PlantStep& step) {
   const std::int64_t utime =
-      std::llround(static_cast<double>(step.step) * experiment_.model.step_s * 1e6);
+      std::llround(static_cast<double>(step.step) * experiment_.step_s() * 1e6);
   to_message(step, utime, truth_);
   link_.publish("PLANT_TRUTH", truth_);
   for (const AttackSignal& signal : step.attack_signals) {

@@ -37,7 +37,7 @@ class RunLog {
       writer_.write_message("ATTACK_SIGNAL", utime, signal_);
     }
     for (const AttackRecord& record : simulation.attack_records()) {
-      to_message(record, experiment_.rules, experiment_.model.step_s, attack_);
+      to_message(record, experiment_.rules, experiment_.step_s(), attack_);
       writer_.write_message("ATTACK_FRAME", utime, attack_);
     }
     if (experiment_.has_bus() && experiment_.record_frames) write_frames(simulation, utime);

@@ -39,6 +39,10 @@ std::string family_of(const YAML::Node& root) {
   return scenario_hash(YAML::Dump(shared));
 }
 
+bool is_campaign_input(const std::string& input) {
+  return input == "clean" || input == "authentic";
+}
+
 ScenarioFacts read_facts(const std::string& yaml) {
   ScenarioFacts facts;
   const YAML::Node root = YAML::Load(yaml);
@@ -62,12 +66,15 @@ ScenarioFacts read_facts(const std::string& yaml) {
   for (const YAML::Node& node : items(root["estimators"])) {
     if (!node.IsMap() || facts.estimators.size() == kEntriesMax) continue;
     facts.estimators.emplace_back(value_or<std::string>(node["name"], ""),
-                                  value_or<std::string>(node["input"], "") == "clean");
+                                  is_campaign_input(value_or<std::string>(node["input"], "")));
   }
   const YAML::Node campaign = child(root, "campaign");
   if (campaign.IsMap()) {
     const double threshold = value_or<double>(campaign["detection_threshold"], 0.5);
     if (threshold >= 0.0 && threshold <= 1.0) facts.detection_threshold = threshold;
+    const auto truth = value_or<std::string>(campaign["attack_truth"], "any");
+    if (truth == "signals") facts.attack_truth = AttackTruth::kSignals;
+    if (truth == "frames") facts.attack_truth = AttackTruth::kFrames;
   }
   facts.family = family_of(root);
   const YAML::Node model = child(child(root, "plant"), "model");

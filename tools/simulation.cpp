@@ -1,5 +1,7 @@
 #include "tools/simulation.h"
 
+#include <algorithm>
+
 #include "common/clock.h"
 
 namespace holdfast {
@@ -17,12 +19,13 @@ Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
     entries_.push_back(&entry);
     estimators_.push_back(experiment.make_estimator(entry, run));
     needs_clean_ = needs_clean_ || entry.input == EstimatorEntry::Input::kClean;
+    needs_authentic_ = needs_authentic_ || entry.input == EstimatorEntry::Input::kAuthentic;
   }
   estimates_.resize(entries_.size(), nullptr);
 }
 
 void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
-                          MeasurementAssembler& assembler, bool is_attacked, MeasurementSet& set) {
+                          MeasurementAssembler& assembler, bool has_attacker, MeasurementSet& set) {
   const auto deliver = [&](const CanFrame& frame) {
     const MeasurementSet* closed = assembler.on_frame(frame);
     if (closed == nullptr) return;
@@ -31,7 +34,7 @@ void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
   };
   std::size_t delivered = sent_.size();
   const auto pass = [&](const CanFrame& frame) {
-    if (!is_attacked || !experiment_.has_bus()) return deliver(frame);
+    if (!has_attacker || !experiment_.has_bus()) return deliver(frame);
     proxy_.on_frame(frame, sent_, records_);
     for (; delivered < sent_.size(); ++delivered) deliver(sent_[delivered]);
   };
@@ -47,6 +50,48 @@ void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
   if (radio_) radio_->apply(set);
 }
 
+// The simulated buses lose nothing, so the nth frame sent is the nth one received.
+void Simulation::keep_authentic() {
+  authentic_.clear(received_.step, received_.utime);
+  authentic_.seq = received_.seq;
+  for (const Packet& packet : received_.packets) {
+    const auto made_it = [&packet](const AttackRecord& r) { return r.tx_index == packet.rx_index; };
+    if (std::ranges::any_of(records_, made_it)) continue;
+    authentic_.add(packet, received_.values_of(packet));
+  }
+}
+
+const MeasurementSet& Simulation::input_of(const EstimatorEntry& entry) const {
+  switch (entry.input) {
+    case EstimatorEntry::Input::kClean:
+      return clean_;
+    case EstimatorEntry::Input::kAuthentic:
+      return authentic_;
+    case EstimatorEntry::Input::kReceived:
+      break;
+  }
+  return received_;
+}
+
+bool Simulation::has_signal_attack() const {
+  const auto acts = [](double value) { return value != 0.0; };
+  return std::ranges::any_of(truth_->attack_signals, [&acts](const AttackSignal& signal) {
+    return std::ranges::any_of(signal.value, acts);
+  });
+}
+
+bool Simulation::is_attacked() const {
+  switch (experiment_.attack_truth) {
+    case AttackTruth::kSignals:
+      return has_signal_attack();
+    case AttackTruth::kFrames:
+      return !records_.empty();
+    case AttackTruth::kAny:
+      break;
+  }
+  return !records_.empty() || has_signal_attack();
+}
+
 bool Simulation::advance() {
   if (step_ >= experiment_.num_steps) return false;
   ++step_;
@@ -55,10 +100,10 @@ bool Simulation::advance() {
   records_.clear();
   pass_bus(truth_->readings, assembler_, true, received_);
   if (needs_clean_) pass_bus(truth_->clean_readings, clean_assembler_, false, clean_);
+  if (needs_authentic_) keep_authentic();
   for (std::size_t i = 0; i < estimators_.size(); ++i) {
-    const bool is_clean = entries_[i]->input == EstimatorEntry::Input::kClean;
     const std::int64_t started_ns = on_step_time ? monotonic_time_ns() : 0;
-    estimates_[i] = &estimators_[i]->step(step_, is_clean ? clean_ : received_, known_input_);
+    estimates_[i] = &estimators_[i]->step(step_, input_of(*entries_[i]), known_input_);
     if (on_step_time) on_step_time(i, monotonic_time_ns() - started_ns);
   }
   return true;

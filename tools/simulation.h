@@ -25,6 +25,10 @@ class Simulation {
   /// Z_k as received, radio channel included.
   const MeasurementSet& measurements() const { return received_; }
   const std::vector<const EstimatorEntry*>& entries() const { return entries_; }
+  /// True when a signal attack acts in this step.
+  bool has_signal_attack() const;
+  /// True when the step counts as attacked, as the scenario's attack_truth says.
+  bool is_attacked() const;
   /// estimates()[i] belongs to entries()[i].
   const std::vector<const Estimate*>& estimates() const { return estimates_; }
   const std::vector<AttackRecord>& attack_records() const { return records_; }  // of this step
@@ -32,7 +36,9 @@ class Simulation {
 
  private:
   void pass_bus(const std::vector<std::vector<double>>& readings, MeasurementAssembler& assembler,
-                bool is_attacked, MeasurementSet& set);
+                bool has_attacker, MeasurementSet& set);
+  void keep_authentic();
+  const MeasurementSet& input_of(const EstimatorEntry& entry) const;
 
   const Experiment& experiment_;
   FrameCodec codec_;
@@ -44,8 +50,8 @@ class Simulation {
   std::vector<std::unique_ptr<Estimator>> estimators_;
   std::vector<const Estimate*> estimates_;
   const PlantStep* truth_ = nullptr;
-  MeasurementSet received_, clean_;
-  bool needs_clean_ = false;
+  MeasurementSet received_, clean_, authentic_;
+  bool needs_clean_ = false, needs_authentic_ = false;
   std::vector<CanFrame> sent_;
   std::vector<AttackRecord> records_;
   Eigen::VectorXd known_input_;

@@ -25,7 +25,7 @@ void check_point(const CampaignPoint& point, const CampaignPoint& first) {
   const bool can_run = std::any_of(estimators.begin(), estimators.end(),
                                    [](const EstimatorEntry& entry) { return !entry.is_outside(); });
   if (!can_run) throw UsageError("there is no estimator that a campaign could run");
-  if (!point.experiment.plant_command.empty())
+  if (!point.experiment.plant.command.empty())
     throw UsageError("the plant is an outside command: a campaign cannot run it");
   if (point.experiment.seed != first.experiment.seed)
     throw UsageError("a sweep over the seed is what runs are for; take --runs");

@@ -207,6 +207,9 @@ void CampaignStore::add_curve(std::int64_t series, std::int64_t run,
 void CampaignStore::insert(const RunResult& result) {
   database_.prepare("INSERT INTO runs VALUES(?, ?)").bind(result.point).bind(result.run).run();
   add_curve(series(result.point, "", "is_attacked"), result.run, result.is_attacked);
+  if (!result.authentic_packets.empty()) {
+    add_curve(series(result.point, "", "authentic_packets"), result.run, result.authentic_packets);
+  }
   SqliteStatement counter = database_.prepare("INSERT INTO counters VALUES(?, '', ?, ?, ?)");
   for (const auto& [name, value] : result.counters)
     counter.bind(result.point).bind(name).bind(result.run).bind(value).run();
@@ -339,7 +342,9 @@ RunResult CampaignStore::read_run(std::int64_t point, std::int64_t run) {
     }
     return curves;
   };
-  result.is_attacked = curve("")["is_attacked"];
+  auto whole = curve("");
+  result.is_attacked = std::move(whole["is_attacked"]);
+  result.authentic_packets = std::move(whole["authentic_packets"]);
   result.counters = read_counters(point, "", only);
   if (point < 0 || point >= static_cast<std::int64_t>(points_.size())) return result;
   for (const std::string& name : points_[static_cast<std::size_t>(point)].estimators) {

@@ -15,7 +15,7 @@ constexpr std::size_t kRunsWithPacketsMax = 10'000;
 // All estimators of a point, with the matrices that they point to.
 struct PointRuns {
   std::vector<std::int64_t> runs;
-  RunMatrix is_attacked;
+  RunMatrix is_attacked, authentic_packets;
   std::vector<EstimatorRuns> estimators;
 };
 
@@ -40,7 +40,9 @@ void load(CampaignStore& store, std::int64_t point, RunRange range, PointRuns& l
                      (stored.settings.empty() ? "" : " of " + sweep_label(stored.settings)) +
                      " yet");
   }
-  loaded.is_attacked = store.read_curves(point, "", loaded.runs)["is_attacked"];
+  auto whole = store.read_curves(point, "", loaded.runs);
+  loaded.is_attacked = std::move(whole["is_attacked"]);
+  loaded.authentic_packets = std::move(whole["authentic_packets"]);
   for (const std::string& name : stored.estimators) {
     EstimatorRuns runs;
     runs.estimator = name;
@@ -48,6 +50,7 @@ void load(CampaignStore& store, std::int64_t point, RunRange range, PointRuns& l
     load_packets(store, point, range, loaded.runs, runs);
     runs.outcomes = store.read_counters(point, name, range);
     runs.is_attacked = &loaded.is_attacked;
+    if (loaded.authentic_packets.num_runs() > 0) runs.authentic_packets = &loaded.authentic_packets;
     loaded.estimators.push_back(std::move(runs));
   }
 }
@@ -143,6 +146,7 @@ CampaignSummary summarise(CampaignStore& store, RunRange range) {
     options.seed = experiment.seed;
     options.detection_threshold = experiment.detection_threshold;
     options.groups = experiment.state_groups;
+    options.windows = experiment.windows;
     PointRuns here;
     PointRuns& loaded = p == 0 ? first : here;
     const auto point = static_cast<std::int64_t>(p);

@@ -45,12 +45,11 @@ bool is_touched(const std::vector<AttackRecord>& records, std::int64_t tx_index)
   });
 }
 
-bool is_attacked(const Simulation& simulation) {
-  if (!simulation.attack_records().empty()) return true;
-  const auto& signals = simulation.truth().attack_signals;
-  return std::any_of(signals.begin(), signals.end(), [](const AttackSignal& signal) {
-    return std::any_of(signal.value.begin(), signal.value.end(), [](double v) { return v != 0.0; });
-  });
+double count_authentic(const Simulation& simulation) {
+  double count = 0.0;
+  for (const Packet& packet : simulation.measurements().packets)
+    count += is_touched(simulation.attack_records(), packet.rx_index) ? 0.0 : 1.0;
+  return count;
 }
 
 // The simulated buses lose nothing, so the nth frame sent is the nth one received.
@@ -93,6 +92,8 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
   result.point = point;
   result.run = run;
   result.is_attacked.reserve(num_steps);
+  const bool needs_authentic = std::ranges::any_of(
+      experiment.windows, [](const MetricsWindow& window) { return window.fresh_steps >= 0; });
   Simulation simulation(experiment, static_cast<std::uint32_t>(run));
   std::vector<RunScorer> scorers(simulation.entries().size(),
                                  RunScorer(experiment.state_groups, num_steps));
@@ -107,8 +108,9 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
     attack_signal.clear();
     for (const AttackSignal& signal : truth.attack_signals)
       attack_signal.insert(attack_signal.end(), signal.value.begin(), signal.value.end());
-    const bool attacked = is_attacked(simulation);
+    const bool attacked = simulation.is_attacked();
     result.is_attacked.push_back(attacked ? 1.0 : 0.0);
+    if (needs_authentic) result.authentic_packets.push_back(count_authentic(simulation));
     counters.add(simulation);
     const TrueStep true_step{{truth.state.data(), static_cast<std::size_t>(truth.state.size())},
                              truth.mode,
@@ -188,6 +190,7 @@ TimeHistogram time_histogram_of(std::span<const std::uint8_t> bytes) {
 std::vector<std::uint8_t> to_bytes(const RunResult& result) {
   Json json = {{"point", result.point}, {"run", result.run}, {"counters", result.counters}};
   json["is_attacked"] = binary(bytes_of(result.is_attacked));
+  json["authentic_packets"] = binary(bytes_of(result.authentic_packets));
   json["estimators"] = Json::array();
   for (const EstimatorResult& estimator : result.estimators) {
     Json entry = {{"name", estimator.name}, {"outcomes", estimator.scores.outcomes}};
@@ -212,6 +215,7 @@ RunResult run_result_from(std::span<const std::uint8_t> bytes) {
     result.run = json.at("run");
     json.at("counters").get_to(result.counters);
     result.is_attacked = doubles_of(binary_of(json.at("is_attacked")));
+    result.authentic_packets = doubles_of(binary_of(json.at("authentic_packets")));
     for (const Json& entry : json.at("estimators")) {
       EstimatorResult estimator;
       entry.at("name").get_to(estimator.name);

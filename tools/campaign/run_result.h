@@ -23,7 +23,8 @@ struct EstimatorResult {
 /// What one run of one sweep point leaves behind.
 struct RunResult {
   std::int64_t point = 0, run = 0;
-  std::vector<double> is_attacked;  // [num_steps], 1 or 0
+  std::vector<double> is_attacked;        // [num_steps], 1 or 0
+  std::vector<double> authentic_packets;  // [num_steps], how many; empty when nobody asks
   std::map<std::string, std::int64_t> counters;
   std::vector<EstimatorResult> estimators;
 };

@@ -15,11 +15,13 @@ struct RunCounts {
         misses(num_runs),
         attacks(num_runs),
         detected(num_runs),
+        at_once(num_runs),
         delay(num_runs) {}
 
   std::vector<double> clean, false_alarms;  // steps
   std::vector<double> attacked, misses;     // steps
   std::vector<double> attacks, detected;    // intervals
+  std::vector<double> at_once;              // intervals detected in their first step
   std::vector<double> delay;                // steps, summed over detected attacks
   std::vector<RunValue> delays;
 };
@@ -42,6 +44,7 @@ void count_run(std::size_t run, std::span<const double> probability,
     if (event.detected_step < 0) continue;
     const auto delay = static_cast<double>(event.detected_step - event.first_step);
     counts.detected[run] += 1.0;
+    counts.at_once[run] += delay == 0.0 ? 1.0 : 0.0;
     counts.delay[run] += delay;
     counts.delays.push_back({run, delay});
   }
@@ -79,6 +82,8 @@ void add_steps(const MetricsInput& input, const RunMatrix& probability,
              ratio_of(counts.misses, counts.attacked, bootstrap));
   add_metric(result, "attacks_detected", "", "",
              ratio_of(counts.detected, counts.attacks, bootstrap));
+  add_metric(result, "attacks_detected_at_once", "", "",
+             ratio_of(counts.at_once, counts.attacks, bootstrap));
   add_metric(result, "detection_delay", "", "steps",
              ratio_of(counts.delay, counts.detected, bootstrap));
   add_metric(result, "detection_delay_median", "", "steps",
@@ -113,8 +118,19 @@ void add_detection(const MetricsInput& input, EstimatorMetrics& result) {
       add_steps(input, *probability, *input.runs.is_attacked, result);
   }
   add_roc(roc_of_histogram(input.runs.packets, input.runs.packets_of_runs), "packets", result);
-  if (const RunMatrix* squares = input.find("attack_signal_squared_error"))
-    add_metric(result, "attack_signal_rmse", "", "", mean_of(run_root_means(*squares)));
+  const std::string errors = "attack_signal_squared_error";
+  for (const auto& [name, squares] : input.runs.curves) {
+    if (!name.starts_with(errors)) continue;
+    const std::string channel = name.size() > errors.size() ? name.substr(errors.size() + 1) : "";
+    add_metric(result, "attack_signal_rmse", channel, "", mean_of(run_root_means(squares)));
+    MetricCurve curve = mean_curve("attack_signal_rmse", squares);
+    for (std::size_t k = 0; k < curve.value.size(); ++k) {
+      curve.value[k] = std::sqrt(curve.value[k]);
+      if (curve.standard_error[k] > 0.0) curve.standard_error[k] /= 2.0 * curve.value[k];
+    }
+    curve.group = channel;
+    result.curves.push_back(std::move(curve));
+  }
 }
 
 }  // namespace holdfast

@@ -27,6 +27,7 @@ Shape shape_of(const EstimatorRuns& runs) {
   };
   for (const auto& [name, matrix] : runs.curves) meet(name, matrix);
   if (runs.is_attacked != nullptr) meet("is_attacked", *runs.is_attacked);
+  if (runs.authentic_packets != nullptr) meet("authentic_packets", *runs.authentic_packets);
   return shape;
 }
 
@@ -84,6 +85,7 @@ EstimatorMetrics compute_metrics(const EstimatorRuns& runs, const MetricsOptions
   add_consistency(input, result);
   add_detection(input, result);
   add_modes(input, result);
+  add_windows(input, result);
   return result;
 }
 

@@ -8,6 +8,7 @@
 
 #include "tools/metrics/run_matrix.h"
 #include "tools/metrics/run_scores.h"
+#include "tools/metrics/windows.h"
 
 namespace holdfast {
 
@@ -17,13 +18,16 @@ struct MetricsOptions {
   double detection_threshold = 0.5;  // an attack is called at this attack probability or above
   double band_probability = 0.95;    // of the chi-square bands
   std::vector<StateGroup> groups;
+  std::vector<MetricsWindow> windows;
 };
 
 /// One number with its standard error; NaN where it has none (a single run, no closed form).
 struct Metric {
-  std::string name;   // e.g. "rmse_step_mean"; each is defined in docs/metrics.md
-  std::string group;  // of states; empty for a metric of the whole estimator
-  std::string unit;   // empty: a share or a pure number
+  std::string name;  // e.g. "rmse_step_mean"; each is defined in docs/metrics.md
+  // Of states, of attack channels ("2": the second) or of components; empty for a metric of the
+  // whole estimator. "angle@on" is that of group angle in window on.
+  std::string group;
+  std::string unit;  // empty: a share or a pure number
   double value = 0.0;
   double standard_error = 0.0;
   std::int64_t count = 0;  // runs, steps or packets that went in, as docs/metrics.md says
@@ -51,7 +55,8 @@ struct EstimatorRuns {
   std::vector<ScoreHistogram>
       packets_of_runs;  // only for auc_packets' standard error; may be empty
   std::map<std::string, std::int64_t> outcomes;
-  const RunMatrix* is_attacked = nullptr;  // [run][step] 1 or 0; null when not known
+  const RunMatrix* is_attacked = nullptr;        // [run][step] 1 or 0; null when not known
+  const RunMatrix* authentic_packets = nullptr;  // [run][step] how many; null when not known
 };
 
 struct EstimatorMetrics {

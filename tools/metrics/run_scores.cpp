@@ -130,6 +130,11 @@ void RunScorer::score_attack_signal(const Estimate& estimate) {
   for (std::size_t i = 0; i < num_rows; ++i) {
     const double error = estimate.input_mean.data()[i] - truth[i];
     sum += error * error;
+    if (num_rows > 1 && std::isfinite(error)) {
+      channel_errors_.resize(num_rows);
+      channel_errors_[i].resize(num_steps_, kNoValue);
+      channel_errors_[i][row] = error * error;
+    }
   }
   set(kAttackSignal, row, sum);
 }
@@ -164,6 +169,11 @@ RunScores RunScorer::finish() {
     const std::string name =
         c < kNumCurves ? kNames[c] : "squared_error." + groups_[c - kNumCurves].name;
     scores_.curves[name] = std::move(curves_[c]);
+  }
+  for (std::size_t i = 0; i < channel_errors_.size(); ++i) {
+    if (channel_errors_[i].empty()) continue;
+    const std::string name = std::string(kNames[kAttackSignal]) + "." + std::to_string(i + 1);
+    scores_.curves[name] = std::move(channel_errors_[i]);
   }
   for (std::size_t i = 1; i < outcomes_.size(); ++i) {
     if (outcomes_[i] > 0)

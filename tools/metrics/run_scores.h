@@ -20,11 +20,15 @@ struct StateGroup {
   double lost_above = 0.0;  // error above which the track counts as lost; 0: no such bound
 };
 
+/// What makes a step count as attacked: a signal attack that is not zero, a frame that a rule
+/// touched, or either.
+enum class AttackTruth { kAny, kSignals, kFrames };
+
 /// What really happened in one step; spans may be empty when it is not known.
 struct TrueStep {
   std::span<const double> state;
   int mode = 0;
-  bool is_attacked = false;               // any signal or frame of that step, see docs/metrics.md
+  bool is_attacked = false;               // as AttackTruth says, see docs/metrics.md
   std::span<const double> attack_signal;  // all attack signals of the step, one after the other
 };
 
@@ -47,7 +51,8 @@ struct ScoreHistogram {
 ///   nis, nis_rows         innovation' S^-1 innovation, and the innovation's rows
 ///   attack_probability    as the estimator says
 ///   mode_correct, mode    1 when the most probable mode is the true one, else 0; the true mode
-///   attack_signal_squared_error   at the step to which the input estimate belongs
+///   attack_signal_squared_error   at the step to which the input estimate belongs; the sum over
+///   the channels, and .1, .2, ... of each channel when there are several
 /// A curve that has no value at all is left out.
 struct RunScores {
   std::map<std::string, std::vector<double>> curves;  // [num_steps] each
@@ -104,6 +109,7 @@ class RunScorer {
   std::vector<char> has_value_, is_taken_;
   std::size_t signal_rows_ = 0;
   std::vector<double> signals_;  // [num_steps][signal_rows_], NaN where not known
+  std::vector<std::vector<double>> channel_errors_;  // by channel, when there are several
   std::array<std::int64_t, 5> outcomes_{};
   Eigen::VectorXd error_;
   std::vector<double> work_;  // of normalised_square

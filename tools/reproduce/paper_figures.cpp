@@ -61,10 +61,12 @@ void draw_path(const PaperFigure& figure, const Experiment& experiment, Figure& 
     estimates[i].is_dashed = true;
     if (is_wanted(figure, estimates[i].name)) drawn.series.push_back(std::move(estimates[i]));
   }
+  const BinaryTargetSetup* target = experiment.plant.binary_target();
+  if (target == nullptr) return;
   FigureSeries sensors;
   sensors.name = "sensors";
   sensors.style = FigureSeries::Style::kPoints;
-  for (const auto& position : experiment.model.sensor_positions_m) {
+  for (const auto& position : target->model.sensor_positions_m) {
     sensors.x.push_back(position[0]);
     sensors.y.push_back(position[1]);
   }

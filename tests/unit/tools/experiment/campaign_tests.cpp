@@ -255,7 +255,8 @@ TEST_CASE("a campaign that is stopped keeps what is done") {
 
 TEST_CASE("what throws in a run comes out of the campaign") {
   CampaignPlan plan = small_plan();
-  plan.points[0].experiment.estimators[0].particle_filter.kernel = "no such kernel";
+  auto& make = plan.points[0].experiment.estimators[0].make;
+  make.target<SecureParticleFilterMaker>()->options.kernel = "no such kernel";
   CampaignStore store(":memory:", plan);
   CHECK_THROWS_AS(run(plan, store, 2), UsageError);
 }

@@ -19,6 +19,10 @@ std::string problems_of(const std::vector<std::string>& overrides) {
   return "";
 }
 
+const SecureParticleFilterMaker& maker_of(const Experiment& experiment, const std::string& name) {
+  return *experiment.estimator(name).make.target<SecureParticleFilterMaker>();
+}
+
 bool mentions(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
@@ -43,16 +47,16 @@ TEST_CASE("a resolved scenario stands for itself") {
 TEST_CASE("the word same ties a believed probability to the true one") {
   const Experiment moved = load_experiment(
       scenario("binary_tracking"), {"attacks.flip.probability=0.3", "plant.attack.dos=0.25"});
-  const EstimatorEntry& secure = moved.estimator("secure");
+  const SecureParticleFilterMaker& secure = maker_of(moved, "secure");
   CHECK(secure.assumes.flip == std::vector<double>(16, 0.3));
   CHECK(secure.assumes.dos == std::vector<double>(16, 0.25));
   CHECK(secure.assumes.deception == std::vector<double>(16, 0.1));
-  CHECK(moved.estimator("neglect").assumes.flip == std::vector<double>(16, 0.0));
+  CHECK(maker_of(moved, "neglect").assumes.flip == std::vector<double>(16, 0.0));
 
   const Experiment apart =
       load_experiment(scenario("binary_tracking"),
                       {"attacks.flip.probability=0.3", "estimators.secure.assumes.flip=0.1"});
-  CHECK(apart.estimator("secure").assumes.flip == std::vector<double>(16, 0.1));
+  CHECK(maker_of(apart, "secure").assumes.flip == std::vector<double>(16, 0.1));
 }
 
 TEST_CASE("two flips of one sensor cancel each other") {
@@ -61,13 +65,13 @@ TEST_CASE("two flips of one sensor cancel each other") {
                                     "probability: 0.2, action: flip, signal: DETECT},"
                                     " {name: b, match: {messages: [Sensor03]}, probability: 0.5, "
                                     "action: flip, signal: DETECT}]"});
-  CHECK(experiment.estimator("secure").assumes.flip[2] == Approx(0.2 * 0.5 + 0.8 * 0.5));
-  CHECK(experiment.estimator("secure").assumes.flip[3] == 0.0);
+  CHECK(maker_of(experiment, "secure").assumes.flip[2] == Approx(0.2 * 0.5 + 0.8 * 0.5));
+  CHECK(maker_of(experiment, "secure").assumes.flip[3] == 0.0);
 }
 
 TEST_CASE("a flip that acts only at times is not tied to a belief without a word") {
   const std::string text = problems_of({"attacks.flip.window={first_step: 50}"});
-  CHECK(mentions(text, "flips only at times"));
+  CHECK(mentions(text, "acts only at times"));
   CHECK(problems_of({"attacks.flip.window={first_step: 50}", "estimators.secure.assumes.flip=0.1"})
             .empty());
 }
@@ -76,17 +80,17 @@ TEST_CASE("probabilities may differ between sensors") {
   const std::string list = "[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]";
   const Experiment experiment =
       load_experiment(scenario("binary_tracking"), {"plant.attack.dos=" + list});
-  CHECK(experiment.plant.attack.dos[0] == 1.0);
-  CHECK(experiment.plant.attack.dos[1] == 0.0);
+  CHECK(experiment.plant.binary_target()->options.attack.dos[0] == 1.0);
+  CHECK(experiment.plant.binary_target()->options.attack.dos[1] == 0.0);
   CHECK(mentions(problems_of({"plant.attack.dos=[0.1, 0.2]"}), "2 numbers, must be 16"));
 }
 
 TEST_CASE("an estimator may believe another model than the plant's") {
   const Experiment experiment =
       load_experiment(scenario("binary_tracking"), {"estimators.secure.model={threshold: 0.5}"});
-  CHECK(experiment.estimator("secure").model.threshold == 0.5);
-  CHECK(experiment.estimator("secure").model.source_power == 4000.0);
-  CHECK(experiment.model.threshold == 0.3);
+  CHECK(maker_of(experiment, "secure").model.threshold == 0.5);
+  CHECK(maker_of(experiment, "secure").model.source_power == 4000.0);
+  CHECK(experiment.plant.binary_target()->model.threshold == 0.3);
 }
 
 TEST_CASE("the resolved model holds its matrices as numbers") {

@@ -39,8 +39,12 @@ TEST_CASE("a sweep stands in the scenario, or on the command line instead") {
 TEST_CASE("a believed value that is the same as the true one moves with the sweep") {
   const CampaignPlan plan =
       load_campaign_plan(kScenario, {}, {{parse_sweep_axis("attacks.flip.probability=0,0.4")}, {}});
-  CHECK(plan.points[0].experiment.estimators[0].assumes.flip[0] == 0.0);
-  CHECK(plan.points[1].experiment.estimators[0].assumes.flip[0] == 0.4);
+  const auto assumed = [](const CampaignPlan& of, std::size_t point) {
+    const EstimatorEntry& entry = of.points[point].experiment.estimators[0];
+    return entry.make.target<SecureParticleFilterMaker>()->assumes;
+  };
+  CHECK(assumed(plan, 0).flip[0] == 0.0);
+  CHECK(assumed(plan, 1).flip[0] == 0.4);
 }
 
 TEST_CASE("a wrong sweep says which point and why") {

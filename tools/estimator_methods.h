@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "attacker/attack_rule.h"
+#include "common/models/binary_target/binary_target_model.h"
+#include "estimators/estimator.h"
+#include "estimators/secure_particle_filter.h"
+#include "tools/plant_setup.h"
+
+namespace holdfast {
+
+/// One estimator of a scenario: one of ours, or an outside command.
+struct EstimatorEntry {
+  /// kClean: what the sensors would have sent; kAuthentic: the packets that no rule touched, and
+  /// whether a signal attack acts. Both in campaigns only.
+  enum class Input { kReceived, kClean, kAuthentic };
+
+  std::string name;
+  std::string command;  // of an outside program; empty for ours
+  std::string method;
+  Input input = Input::kReceived;
+  std::string kernel;  // numeric kernel that it computes with
+  /// Makes the estimator of one run from the scenario's seed; empty for an outside program.
+  std::function<std::unique_ptr<Estimator>(std::uint64_t seed, std::uint32_t run)> make;
+
+  bool is_outside() const { return !command.empty(); }
+  bool is_campaign_only() const { return input != Input::kReceived; }
+};
+
+/// What a method's reader may know of the scenario.
+struct MethodContext {
+  const PlantSetup& plant;
+  const FrameLayout& layout;
+  const std::vector<AttackRule>& rules;  // none when the scenario has no bus
+};
+
+/// Makes the secure particle filter of one run.
+struct SecureParticleFilterMaker {
+  BinaryTargetModel model;  // what the estimator believes; the plant's unless overridden
+  BinaryTargetModel::Attack assumes;
+  SecureParticleFilterOptions options;
+
+  std::unique_ptr<Estimator> operator()(std::uint64_t seed, std::uint32_t run) const;
+};
+
+/// Reads method, input and the method's own keys. Reports a method that is not there or does not
+/// fit the plant.
+void read_method(ConfigurationMap& map, const MethodContext& context, EstimatorEntry& entry);
+
+}  // namespace holdfast

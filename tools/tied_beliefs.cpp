@@ -1,0 +1,108 @@
+#include "tools/tied_beliefs.h"
+
+#include <algorithm>
+
+namespace holdfast {
+namespace {
+
+bool is_always_open(const StepWindow& window) {
+  const StepWindow everywhere;
+  return window.first_step == everywhere.first_step && window.last_step == everywhere.last_step &&
+         window.from_s == everywhere.from_s && window.to_s == everywhere.to_s;
+}
+
+// True for a rule that acts on each frame of its messages with one probability, in every step.
+bool acts_always(const AttackRule& rule) {
+  return rule.bit < 0 && rule.match.signal.empty() && is_always_open(rule.window);
+}
+
+bool is_same(const ConfigurationMap& map, const char* key) {
+  std::string text = "same";
+  return !map.has(key) || (map.scalar_text(key, text) && text == "same");
+}
+
+// A believed value that is tied to the true one by the word "same", so that a sweep moves both.
+void read_assumed(ConfigurationMap& map, const char* key, std::vector<double>& value,
+                  const std::vector<double>& truth) {
+  if (is_same(map, key)) {
+    std::string text = "same";
+    map.read(key, text);
+    value = truth;
+  } else {
+    map.read_shared(key, value, truth.size(), kProbability);
+  }
+}
+
+// Probability that a sensor's bit arrives inverted. A rule that flips only at times has none.
+std::vector<double> true_flip_probability(const MethodContext& context, std::size_t num_sensors,
+                                          std::string& untied_rule) {
+  std::vector<double> flip(num_sensors, 0.0);
+  for (const AttackRule& rule : context.rules) {
+    if (rule.action != AttackRule::Action::kFlip) continue;
+    if (!acts_always(rule)) untied_rule = rule.name;
+    for (std::size_t s = 0; s < flip.size() && s < context.layout.messages.size(); ++s) {
+      const DbcMessage* message = context.layout.dbc.find(context.layout.messages[s]);
+      if (message == nullptr || !selects(rule.match, *message)) continue;
+      flip[s] = flip[s] * (1.0 - rule.probability) + (1.0 - flip[s]) * rule.probability;
+    }
+  }
+  return flip;
+}
+
+void report_untied(ConfigurationMap& map, const char* key, const std::string& rule) {
+  map.problem(key, "cannot be the same as rule '" + rule +
+                       "', which acts only at times or on some messages; give a number");
+}
+
+}  // namespace
+
+BinaryTargetModel::Attack read_assumed_attack(ConfigurationMap map,
+                                              const BinaryTargetModel::Attack& truth,
+                                              const MethodContext& context) {
+  BinaryTargetModel::Attack assumes = truth;
+  read_assumed(map, "dos", assumes.dos, truth.dos);
+  read_assumed(map, "deception", assumes.deception, truth.deception);
+  std::string untied_rule;
+  const std::vector<double> flip = true_flip_probability(context, truth.dos.size(), untied_rule);
+  if (is_same(map, "flip") && !untied_rule.empty()) report_untied(map, "flip", untied_rule);
+  read_assumed(map, "flip", assumes.flip, flip);
+  std::vector<double> range = {assumes.deception_low, assumes.deception_high};
+  map.read("deception_range", range, 2);
+  if (range.size() == 2 && range[0] < range[1]) {
+    assumes.deception_low = range[0];
+    assumes.deception_high = range[1];
+  } else {
+    map.problem("deception_range", "must be [low, high] with low < high");
+  }
+  return assumes;
+}
+
+void read_tied_probability(ConfigurationMap& map, const char* key, double& value, double truth,
+                           const std::string& untied_rule) {
+  if (!is_same(map, key)) return map.read(key, value, kProbability);
+  if (!untied_rule.empty()) report_untied(map, key, untied_rule);
+  std::string text = "same";
+  map.read(key, text);
+  value = truth;
+}
+
+double untouched_probability(const MethodContext& context, AttackRule::Action action,
+                             std::string& untied_rule) {
+  double probability = 1.0;
+  for (const AttackRule& rule : context.rules) {
+    if (rule.action != action || rule.probability == 0.0) continue;
+    const bool takes_all =
+        std::ranges::all_of(context.layout.messages, [&](const std::string& name) {
+          const DbcMessage* message = context.layout.dbc.find(name);
+          return message != nullptr && selects(rule.match, *message);
+        });
+    if (acts_always(rule) && takes_all) {
+      probability *= 1.0 - rule.probability;
+    } else {
+      untied_rule = rule.name;
+    }
+  }
+  return probability;
+}
+
+}  // namespace holdfast
