@@ -71,6 +71,10 @@ void operator delete[](void* memory, const std::nothrow_t&) noexcept {
   std::free(memory);
 }
 
+void holdfast::testing::count_allocation() {
+  count.fetch_add(1, std::memory_order_relaxed);
+}
+
 std::int64_t holdfast::testing::allocation_count() {
   return count.load(std::memory_order_relaxed);
 }

@@ -1,5 +1,6 @@
 #include <cmath>
 
+#include "common/chi_square.h"
 #include "tools/metrics/metric_parts.h"
 
 namespace holdfast {

@@ -1,7 +1,6 @@
 #include "tools/metrics/statistics.h"
 
 #include <algorithm>
-#include <boost/math/distributions/chi_squared.hpp>
 #include <cmath>
 #include <set>
 
@@ -100,10 +99,6 @@ Statistic ratio_of(std::span<const double> numerator, std::span<const double> de
   }
   result.standard_error = bootstrap_error(resampled);
   return result;
-}
-
-double chi_square_quantile(double probability, double degrees_of_freedom) {
-  return boost::math::quantile(boost::math::chi_squared(degrees_of_freedom), probability);
 }
 
 }  // namespace holdfast

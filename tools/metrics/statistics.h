@@ -37,8 +37,4 @@ Statistic median_of(std::vector<RunValue> values, const RunBootstrap& bootstrap)
 Statistic ratio_of(std::span<const double> numerator, std::span<const double> denominator,
                    const RunBootstrap& bootstrap);
 
-/// x with P(chi-square with that many degrees of freedom <= x) = probability.
-/// Precondition: degrees_of_freedom > 0, 0 < probability < 1.
-double chi_square_quantile(double probability, double degrees_of_freedom);
-
 }  // namespace holdfast

@@ -44,20 +44,6 @@ TEST_CASE("the median of an even number is the mean of the middle two") {
   CHECK(std::isnan(median({})));
 }
 
-TEST_CASE("chi-square quantiles are those of the tables") {
-  const auto allowed = [](double value) { return Approx(value).epsilon(1e-8); };  // table's digits
-  CHECK(chi_square_quantile(0.95, 1) == allowed(3.841458821));
-  CHECK(chi_square_quantile(0.025, 4) == allowed(0.4844185571));
-  CHECK(chi_square_quantile(0.975, 4) == allowed(11.14328678));
-  CHECK(chi_square_quantile(0.025, 10) == allowed(3.246972780));
-  CHECK(chi_square_quantile(0.975, 10) == allowed(20.48317735));
-  CHECK(chi_square_quantile(0.99, 30) == allowed(50.89218131));
-  CHECK(chi_square_quantile(0.975, 4000) == allowed(4177.191056));  // a campaign's
-  // Two degrees of freedom: exponential.
-  for (const double p : {1e-4, 0.025, 0.5, 0.975, 0.9999})
-    CHECK(chi_square_quantile(p, 2) == Approx(-2.0 * std::log1p(-p)).epsilon(1e-12));
-}
-
 TEST_CASE("a resample's weights are its draws, counted") {
   const RunBootstrap bootstrap(7, 50, 20);
   for (std::uint32_t b = 0; b < 20; ++b) {

@@ -1,0 +1,32 @@
+#include "estimators/innovation_record.h"
+
+namespace holdfast {
+
+InnovationRecord::InnovationRecord(int rows_max) {
+  for (int rows = 0; rows <= rows_max; ++rows) {
+    innovations_.emplace_back(rows);
+    covariances_.emplace_back(rows, rows);
+  }
+}
+
+// What the estimate holds goes back to the place of its size.
+void InnovationRecord::swap(std::size_t rows, Estimate& estimate) {
+  const auto held = static_cast<std::size_t>(estimate.innovation.size());
+  if (held == rows) return;
+  estimate.innovation.swap(innovations_[held]);
+  estimate.innovation_covariance.swap(covariances_[held]);
+  estimate.innovation.swap(innovations_[rows]);
+  estimate.innovation_covariance.swap(covariances_[rows]);
+}
+
+void InnovationRecord::clear(Estimate& estimate) {
+  swap(0, estimate);
+}
+
+void InnovationRecord::publish(const KalmanCore& core, Estimate& estimate) {
+  swap(static_cast<std::size_t>(core.num_rows()), estimate);
+  estimate.innovation = core.innovation();
+  estimate.innovation_covariance = core.innovation_covariance();
+}
+
+}  // namespace holdfast

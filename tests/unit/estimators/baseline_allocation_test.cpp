@@ -1,0 +1,48 @@
+#include "common/models/ieee14/ieee14_model.h"
+#include "tests/support/allocation_count.h"
+#include "tests/unit/estimators/every_baseline.h"
+
+using namespace holdfast;
+using namespace holdfast::testing;
+
+TEST_CASE("a baseline's step allocates nothing once it has seen the largest set") {
+  for (const bool is_direct : {true, false}) {
+    for (Subject& subject : every_baseline(small_model(is_direct), kTwoSources)) {
+      INFO(subject.name);
+      MeasurementSet largest = set_of(1, reading(1), kTwoSources), partial = empty_set(1);
+      for (int i = 0; i < 20; ++i) add_packet(largest, i % 2, {0.1 * i, -0.1 * i});
+      add_packet(largest, 9, {0.0, 0.0});
+      add_packet(partial, 1, {0.3, 0.2});
+      const MeasurementSet empty = empty_set(1);
+      subject.estimator->step(1, largest, kNoInput);
+      const std::int64_t before = allocation_count();
+      for (std::int64_t k = 2; k < 40; ++k) {
+        subject.estimator->step(k, k % 5 == 0 ? empty : k % 3 == 0 ? partial : largest, kNoInput);
+      }
+      const std::int64_t after = allocation_count();
+      CHECK(after == before);
+    }
+  }
+}
+
+TEST_CASE("steps of the nonlinear network allocate nothing") {
+  Ieee14Options network;
+  network.nonlinear = true;
+  JointInputState filter(make_ieee14_model(network), {}, {{0, 1, 2, 3, 4, 5, 6, 7, 8, 9}});
+  MeasurementSet set = empty_set(1);
+  add_packet(set, 0, std::vector<double>(10, 0.1));
+  filter.step(1, set, kNoInput);
+  const std::int64_t before = allocation_count();
+  for (std::int64_t k = 2; k < 10; ++k) filter.step(k, set, kNoInput);
+  const std::int64_t after = allocation_count();
+  CHECK(after == before);
+}
+
+TEST_CASE("the counter sees Eigen's allocations") {
+  const std::int64_t before = allocation_count();
+  Eigen::VectorXd vector(100);
+  vector.setZero();
+  const std::int64_t after = allocation_count();
+  CHECK(after > before);
+  CHECK(vector.sum() == 0.0);
+}
