@@ -356,6 +356,15 @@ bool ConfigurationMap::scalar_text(std::string_view key, std::string& text) cons
   return true;
 }
 
+void ConfigurationMap::read_or_same(std::string_view key, double& value, Interval allowed) {
+  std::string text;
+  if (scalar_text(key, text) && text == "same") {
+    read(key, text);
+  } else {
+    read(key, value, allowed);
+  }
+}
+
 ConfigurationDocument ConfigurationDocument::from_file(const std::string& file,
                                                        const std::vector<std::string>& overrides) {
   std::ifstream stream(file);

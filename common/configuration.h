@@ -51,6 +51,8 @@ class ConfigurationMap {
 
   /// An infinite number is refused unless the default is infinite.
   void read(std::string_view key, double& value, Interval allowed = kAnyNumber);
+  /// The same, but the word "same" leaves the value that stands: one that is tied to another.
+  void read_or_same(std::string_view key, double& value, Interval allowed = kAnyNumber);
   void read(std::string_view key, std::int64_t& value, Interval allowed = kAnyNumber);
   void read(std::string_view key, int& value, Interval allowed = kAnyNumber);
   void read(std::string_view key, bool& value);

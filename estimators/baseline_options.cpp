@@ -110,7 +110,7 @@ void KalmanFilterOptions::read(ConfigurationMap& map, const SystemModel& model) 
 
 void ProbabilisticDataAssociationOptions::read(ConfigurationMap& map, const SystemModel& model) {
   read_start(map, model, start);
-  map.read("delivery_probability", delivery_probability, kAboveZeroProbability);
+  map.read_or_same("delivery_probability", delivery_probability, kAboveZeroProbability);
   packet_box.read(map.map("packet_box"), model.num_measurements());
 }
 
@@ -130,7 +130,7 @@ void InteractingMultipleModelOptions::read(ConfigurationMap& map, const SystemMo
   if (packets == Packets::kChoice) {
     vector.read(map);
   } else {
-    map.read("delivery_probability", delivery_probability, kAboveZeroProbability);
+    map.read_or_same("delivery_probability", delivery_probability, kAboveZeroProbability);
     packet_box.read(map.map("packet_box"), model.num_measurements());
   }
 }

@@ -131,10 +131,10 @@ void HybridBernoulliOptions::read(ConfigurationMap& map, const SystemModel& mode
     prior.read("alpha", delivery_prior->alpha, kPositive);
     prior.read("beta", delivery_prior->beta, kPositive);
   } else {
-    map.read("delivery_probability", delivery_probability, {0.0, 1.0, true});
+    map.read_or_same("delivery_probability", delivery_probability, {0.0, 1.0, true});
   }
   map.read("delivery_memory", delivery_memory, {0.0, 1.0, true});
-  map.read("substitution_probability", substitution_probability, kProbability);
+  map.read_or_same("substitution_probability", substitution_probability, kProbability);
   map.read_choice("correction", correction,
                   {{"auto", Correction::kAuto},
                    {"substitution", Correction::kSubstitution},

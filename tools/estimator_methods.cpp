@@ -2,11 +2,28 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 
+#include "estimators/hybrid_bernoulli_filter.h"
+#include "estimators/interacting_multiple_model.h"
+#include "estimators/joint_input_state.h"
+#include "estimators/kalman_filter.h"
+#include "estimators/probabilistic_data_association.h"
+#include "tools/bounds/clairvoyant_filter.h"
 #include "tools/tied_beliefs.h"
 
 namespace holdfast {
 namespace {
+
+// Names what Eigen was built for: other instructions round differently.
+std::string linear_algebra_kernel() {
+  std::string name = "eigen-";
+  for (const char c : std::string(Eigen::SimdInstructionSetsInUse())) {
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0) name += c;
+    if (c == ',') name += '+';
+  }
+  return name;
+}
 
 void read_secure_particle_filter(ConfigurationMap& map, const MethodContext& context,
                                  EstimatorEntry& entry) {
@@ -23,6 +40,66 @@ void read_secure_particle_filter(ConfigurationMap& map, const MethodContext& con
   entry.make = std::move(maker);
 }
 
+// What follows serves every method for plants with vector readings: the plant's model, read over.
+SystemModel read_believed_model(ConfigurationMap& map, const MethodContext& context) {
+  const SystemSetup& plant = *context.plant.system();
+  SystemSource belief = plant.source;
+  belief.read(map.map("model"));
+  if (belief.model.num_states() != plant.model().num_states() ||
+      belief.model.num_measurements() != plant.model().num_measurements()) {
+    map.problem("model", "must have as many states and measurements as the plant's");
+  }
+  return belief.model;
+}
+
+// Makes a filter whose constructor takes model, options and the rows of each source.
+template <class Filter, class Options>
+void set_maker(const MethodContext& context, SystemModel model, Options options,
+               EstimatorEntry& entry) {
+  entry.kernel = linear_algebra_kernel();
+  entry.make = [model = std::move(model), options = std::move(options),
+                rows = context.plant.system()->rows](std::uint64_t, std::uint32_t) {
+    return std::make_unique<Filter>(model, options, rows);
+  };
+}
+
+// Attack probabilities that an estimator may be told to share with the bus's rules.
+template <class Options>
+void tie(ConfigurationMap& map, const MethodContext& context, Options& options) {
+  using Action = AttackRule::Action;
+  const double delivered =
+      tied_probability(map, "delivery_probability", Action::kDrop, false, context);
+  if (delivered > 0.0) options.delivery_probability = delivered;
+  if constexpr (requires { options.substitution_probability; }) {
+    options.substitution_probability =
+        tied_probability(map, "substitution_probability", Action::kSubstitute, true, context);
+  }
+}
+
+template <class Filter, class Options>
+void read_for_system(ConfigurationMap& map, const MethodContext& context, EstimatorEntry& entry) {
+  const SystemModel model = read_believed_model(map, context);
+  Options options;
+  if constexpr (requires { options.delivery_probability; }) tie(map, context, options);
+  options.read(map, model);
+  set_maker<Filter>(context, model, std::move(options), entry);
+}
+
+void read_clairvoyant(ConfigurationMap& map, const MethodContext& context, EstimatorEntry& entry) {
+  const SystemModel model = read_believed_model(map, context);
+  ClairvoyantFilterOptions options;
+  options.start.read(map.map("start"), model.num_states());
+  options.attack_prior.read(map.map("attack_prior"), model.num_attack_channels());
+  map.read_choice("feedthrough", options.feedthrough,
+                  {{"auto", Feedthrough::kAuto},
+                   {"direct", Feedthrough::kDirect},
+                   {"delayed", Feedthrough::kDelayed}});
+  if (entry.input != EstimatorEntry::Input::kAuthentic) {
+    map.problem("input", "must be authentic: this filter knows the truth");
+  }
+  set_maker<ClairvoyantFilter>(context, model, std::move(options), entry);
+}
+
 struct Method {
   const char* name;
   bool needs_vectors;           // a plant with vector readings, else one with binary sensors
@@ -33,6 +110,17 @@ struct Method {
 constexpr std::array kMethods = {
     Method{"secure_particle_filter", false, EstimatorEntry::Input::kReceived,
            read_secure_particle_filter},
+    Method{"hybrid_bernoulli", true, EstimatorEntry::Input::kReceived,
+           read_for_system<HybridBernoulliFilter, HybridBernoulliOptions>},
+    Method{"kalman_filter", true, EstimatorEntry::Input::kReceived,
+           read_for_system<KalmanFilter, KalmanFilterOptions>},
+    Method{"probabilistic_data_association", true, EstimatorEntry::Input::kReceived,
+           read_for_system<ProbabilisticDataAssociation, ProbabilisticDataAssociationOptions>},
+    Method{"joint_input_state", true, EstimatorEntry::Input::kReceived,
+           read_for_system<JointInputState, JointInputStateOptions>},
+    Method{"interacting_multiple_model", true, EstimatorEntry::Input::kReceived,
+           read_for_system<InteractingMultipleModel, InteractingMultipleModelOptions>},
+    Method{"clairvoyant", true, EstimatorEntry::Input::kAuthentic, read_clairvoyant},
 };
 
 std::string method_names(bool has_vectors) {

@@ -18,6 +18,8 @@ Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
     if (entry.is_outside()) continue;
     entries_.push_back(&entry);
     estimators_.push_back(experiment.make_estimator(entry, run));
+    auto* clairvoyant = dynamic_cast<ClairvoyantFilter*>(estimators_.back().get());
+    if (clairvoyant != nullptr) clairvoyants_.push_back(clairvoyant);
     needs_clean_ = needs_clean_ || entry.input == EstimatorEntry::Input::kClean;
     needs_authentic_ = needs_authentic_ || entry.input == EstimatorEntry::Input::kAuthentic;
   }
@@ -51,13 +53,21 @@ void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
 }
 
 // The simulated buses lose nothing, so the nth frame sent is the nth one received.
+bool Simulation::is_authentic(const Packet& packet) const {
+  return std::ranges::none_of(
+      records_, [&packet](const AttackRecord& r) { return r.tx_index == packet.rx_index; });
+}
+
+std::int64_t Simulation::num_authentic() const {
+  return std::ranges::count_if(received_.packets,
+                               [this](const Packet& packet) { return is_authentic(packet); });
+}
+
 void Simulation::keep_authentic() {
   authentic_.clear(received_.step, received_.utime);
   authentic_.seq = received_.seq;
   for (const Packet& packet : received_.packets) {
-    const auto made_it = [&packet](const AttackRecord& r) { return r.tx_index == packet.rx_index; };
-    if (std::ranges::any_of(records_, made_it)) continue;
-    authentic_.add(packet, received_.values_of(packet));
+    if (is_authentic(packet)) authentic_.add(packet, received_.values_of(packet));
   }
 }
 
@@ -101,6 +111,7 @@ bool Simulation::advance() {
   pass_bus(truth_->readings, assembler_, true, received_);
   if (needs_clean_) pass_bus(truth_->clean_readings, clean_assembler_, false, clean_);
   if (needs_authentic_) keep_authentic();
+  for (ClairvoyantFilter* clairvoyant : clairvoyants_) clairvoyant->tell(has_signal_attack());
   for (std::size_t i = 0; i < estimators_.size(); ++i) {
     const std::int64_t started_ns = on_step_time ? monotonic_time_ns() : 0;
     estimates_[i] = &estimators_[i]->step(step_, input_of(*entries_[i]), known_input_);

@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "tools/bounds/clairvoyant_filter.h"
 #include "tools/experiment.h"
 
 namespace holdfast {
@@ -25,6 +26,8 @@ class Simulation {
   /// Z_k as received, radio channel included.
   const MeasurementSet& measurements() const { return received_; }
   const std::vector<const EstimatorEntry*>& entries() const { return entries_; }
+  /// Packets of the step that no rule touched.
+  std::int64_t num_authentic() const;
   /// True when a signal attack acts in this step.
   bool has_signal_attack() const;
   /// True when the step counts as attacked, as the scenario's attack_truth says.
@@ -37,6 +40,7 @@ class Simulation {
  private:
   void pass_bus(const std::vector<std::vector<double>>& readings, MeasurementAssembler& assembler,
                 bool has_attacker, MeasurementSet& set);
+  bool is_authentic(const Packet& packet) const;
   void keep_authentic();
   const MeasurementSet& input_of(const EstimatorEntry& entry) const;
 
@@ -48,6 +52,7 @@ class Simulation {
   std::unique_ptr<RadioChannel> radio_;
   std::vector<const EstimatorEntry*> entries_;
   std::vector<std::unique_ptr<Estimator>> estimators_;
+  std::vector<ClairvoyantFilter*> clairvoyants_;  // those of estimators_ that are
   std::vector<const Estimate*> estimates_;
   const PlantStep* truth_ = nullptr;
   MeasurementSet received_, clean_, authentic_;

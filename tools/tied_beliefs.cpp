@@ -77,18 +77,10 @@ BinaryTargetModel::Attack read_assumed_attack(ConfigurationMap map,
   return assumes;
 }
 
-void read_tied_probability(ConfigurationMap& map, const char* key, double& value, double truth,
-                           const std::string& untied_rule) {
-  if (!is_same(map, key)) return map.read(key, value, kProbability);
-  if (!untied_rule.empty()) report_untied(map, key, untied_rule);
-  std::string text = "same";
-  map.read(key, text);
-  value = truth;
-}
-
-double untouched_probability(const MethodContext& context, AttackRule::Action action,
-                             std::string& untied_rule) {
-  double probability = 1.0;
+double tied_probability(ConfigurationMap& map, const char* key, AttackRule::Action action,
+                        bool is_touched, const MethodContext& context) {
+  double untouched = 1.0;
+  std::string untied_rule;
   for (const AttackRule& rule : context.rules) {
     if (rule.action != action || rule.probability == 0.0) continue;
     const bool takes_all =
@@ -97,12 +89,15 @@ double untouched_probability(const MethodContext& context, AttackRule::Action ac
           return message != nullptr && selects(rule.match, *message);
         });
     if (acts_always(rule) && takes_all) {
-      probability *= 1.0 - rule.probability;
+      untouched *= 1.0 - rule.probability;
     } else {
       untied_rule = rule.name;
     }
   }
-  return probability;
+  std::string text;
+  const bool asks = map.scalar_text(key, text) && text == "same";
+  if (asks && !untied_rule.empty()) report_untied(map, key, untied_rule);
+  return is_touched ? 1.0 - untouched : untouched;
 }
 
 }  // namespace holdfast

@@ -12,14 +12,10 @@ BinaryTargetModel::Attack read_assumed_attack(ConfigurationMap map,
                                               const BinaryTargetModel::Attack& truth,
                                               const MethodContext& context);
 
-/// A believed probability that "same" ties to the true one, so that a sweep moves both. Reports
-/// "same" where a rule acts only at times, which is no one number.
-void read_tied_probability(ConfigurationMap& map, const char* key, double& value, double truth,
-                           const std::string& untied_rule);
-
-/// Probability that no rule of this action, acting on whole frames in every step, touches a frame
-/// of the layout's messages; the name of a rule that acts only at times or on some, if any.
-double untouched_probability(const MethodContext& context, AttackRule::Action action,
-                             std::string& untied_rule);
+/// True probability for a key that "same" ties to the rules of one action: that a frame is touched
+/// by one of them, or that it is not. Reports "same" where no one number says it: a rule acts only
+/// at times or on some of the messages.
+double tied_probability(ConfigurationMap& map, const char* key, AttackRule::Action action,
+                        bool is_touched, const MethodContext& context);
 
 }  // namespace holdfast

@@ -45,13 +45,6 @@ bool is_touched(const std::vector<AttackRecord>& records, std::int64_t tx_index)
   });
 }
 
-double count_authentic(const Simulation& simulation) {
-  double count = 0.0;
-  for (const Packet& packet : simulation.measurements().packets)
-    count += is_touched(simulation.attack_records(), packet.rx_index) ? 0.0 : 1.0;
-  return count;
-}
-
 // The simulated buses lose nothing, so the nth frame sent is the nth one received.
 void score_packets(const Estimate& estimate, const std::vector<AttackRecord>& records,
                    RunScorer& scorer) {
@@ -110,7 +103,8 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
       attack_signal.insert(attack_signal.end(), signal.value.begin(), signal.value.end());
     const bool attacked = simulation.is_attacked();
     result.is_attacked.push_back(attacked ? 1.0 : 0.0);
-    if (needs_authentic) result.authentic_packets.push_back(count_authentic(simulation));
+    if (needs_authentic)
+      result.authentic_packets.push_back(static_cast<double>(simulation.num_authentic()));
     counters.add(simulation);
     const TrueStep true_step{{truth.state.data(), static_cast<std::size_t>(truth.state.size())},
                              truth.mode,

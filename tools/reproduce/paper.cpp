@@ -52,6 +52,7 @@ void read_row(ConfigurationMap& map, const Paper& paper, PaperTable& table,
   map.read("metric", row.metric);
   map.read("label", row.label);
   map.read("control", row.is_control);
+  if (map.has("band_max")) map.read("band_max", row.band_max, kPositive);
   std::vector<double> references, papers, errors;
   const std::size_t num_points = [&] {
     for (const PaperCampaign& campaign : paper.campaigns) {
@@ -100,7 +101,10 @@ PaperFigure read_figure(ConfigurationMap& map, const Paper& paper) {
                   {{"curve", PaperFigure::Kind::kCurve},
                    {"sweep", PaperFigure::Kind::kSweep},
                    {"path", PaperFigure::Kind::kPath},
-                   {"readings", PaperFigure::Kind::kReadings}});
+                   {"readings", PaperFigure::Kind::kReadings},
+                   {"states", PaperFigure::Kind::kStates},
+                   {"attack", PaperFigure::Kind::kAttack},
+                   {"packets", PaperFigure::Kind::kPackets}});
   map.require("campaign");
   map.read("campaign", figure.campaign);
   const bool is_known = std::any_of(paper.campaigns.begin(), paper.campaigns.end(),

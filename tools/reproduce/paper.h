@@ -25,7 +25,10 @@ struct PaperRow {
   double paper = kNone;                              // as printed in the paper, where it prints it
   double reference = kNone, standard_error = kNone;  // of the independent implementation
   std::int64_t reference_runs = 0;  // where no standard error is stated: ours, for that many runs
-  bool is_control = false;          // wrong on purpose: must differ
+  // Widest band that still tells something; none: a tenth of the reference. Where that is 0 or its
+  // error large, an absolute one says what matters.
+  double band_max = kNone;
+  bool is_control = false;  // wrong on purpose: must differ
 };
 
 /// Rows under one title.
@@ -35,14 +38,15 @@ struct PaperTable {
   std::vector<PaperRow> rows;
 };
 
-/// One figure. kCurve: a metric's curve over the steps; kSweep: a metric over a sweep's values;
-/// kPath, kReadings: one run.
+/// One figure. kCurve: a metric's curve over the steps; kSweep: a metric over a sweep's values; the
+/// others show one run: kPath two states against each other, kReadings what sources sent, kStates
+/// and kAttack states and attack signals with their estimates, kPackets how many arrived.
 struct PaperFigure {
-  enum class Kind { kCurve, kSweep, kPath, kReadings };
+  enum class Kind { kCurve, kSweep, kPath, kReadings, kStates, kAttack, kPackets };
 
   std::string name, title, campaign, metric, group, x_label, y_label;
   std::vector<std::string> estimators;  // empty: all
-  std::vector<std::int64_t> sources;    // of kReadings
+  std::vector<std::int64_t> sources;    // of kReadings; which states or channels of the others
   Kind kind = Kind::kCurve;
   std::int64_t run = 0;  // of a single run
 };

@@ -73,6 +73,70 @@ void draw_path(const PaperFigure& figure, const Experiment& experiment, Figure& 
   drawn.series.push_back(std::move(sensors));
 }
 
+// Truth and estimates of some states, or of some channels of the attack signal, over one run.
+void draw_signals(const PaperFigure& figure, const Experiment& experiment, Figure& drawn) {
+  const bool is_attack = figure.kind == PaperFigure::Kind::kAttack;
+  Simulation simulation(experiment, static_cast<std::uint32_t>(figure.run));
+  const std::size_t num_estimators = simulation.entries().size();
+  for (const std::int64_t source : figure.sources) {
+    const std::string suffix = figure.sources.size() == 1 ? "" : " " + std::to_string(source + 1);
+    drawn.series.emplace_back().name = "truth" + suffix;
+    for (const EstimatorEntry* entry : simulation.entries()) {
+      drawn.series.emplace_back().name = entry->name + suffix;
+      drawn.series.back().is_dashed = true;
+    }
+  }
+  const auto add = [](FigureSeries& series, double x, const double* values, std::size_t size,
+                      std::int64_t index) {
+    if (index < 0 || static_cast<std::size_t>(index) >= size) return;
+    series.x.push_back(x);
+    series.y.push_back(values[index]);
+  };
+  while (simulation.advance()) {
+    const PlantStep& truth = simulation.truth();
+    const auto step = static_cast<double>(truth.step);
+    std::size_t place = 0;
+    for (const std::int64_t source : figure.sources) {
+      FigureSeries& true_series = drawn.series[place++];
+      if (!is_attack) {
+        add(true_series, step, truth.state.data(), static_cast<std::size_t>(truth.state.size()),
+            source);
+      } else if (!truth.attack_signals.empty()) {
+        const std::vector<double>& value = truth.attack_signals.front().value;
+        add(true_series, step, value.data(), value.size(), source);
+      }
+      for (std::size_t i = 0; i < num_estimators; ++i) {
+        const Estimate& estimate = *simulation.estimates()[i];
+        const Eigen::VectorXd& values = is_attack ? estimate.input_mean : estimate.mean;
+        const double x = is_attack ? static_cast<double>(estimate.input_step) : step;
+        add(drawn.series[place++], x, values.data(), static_cast<std::size_t>(values.size()),
+            source);
+      }
+    }
+  }
+  std::erase_if(drawn.series, [&](const FigureSeries& series) {
+    const bool is_other =
+        series.is_dashed && !is_wanted(figure, series.name.substr(0, series.name.find(' ')));
+    return series.x.empty() || is_other;
+  });
+}
+
+void draw_packets(const PaperFigure& figure, const Experiment& experiment, Figure& drawn) {
+  Simulation simulation(experiment, static_cast<std::uint32_t>(figure.run));
+  FigureSeries all, authentic;
+  all.name = "packets";
+  authentic.name = "genuine";
+  all.style = authentic.style = FigureSeries::Style::kPoints;
+  while (simulation.advance()) {
+    const auto step = static_cast<double>(simulation.truth().step);
+    all.x.push_back(step);
+    all.y.push_back(static_cast<double>(simulation.measurements().packets.size()));
+    authentic.x.push_back(step);
+    authentic.y.push_back(static_cast<double>(simulation.num_authentic()));
+  }
+  drawn.series = {std::move(all), std::move(authentic)};
+}
+
 void draw_readings(const PaperFigure& figure, const Experiment& experiment, Figure& drawn) {
   Simulation simulation(experiment, static_cast<std::uint32_t>(figure.run));
   std::vector<FigureSeries> series(figure.sources.size());
@@ -122,6 +186,15 @@ Figure draw(const PaperFigure& figure, const PaperCampaign& campaign, const Camp
     }
     case PaperFigure::Kind::kPath:
       draw_path(figure, experiment, drawn);
+      drawn.note = "Run " + std::to_string(figure.run) + " of the campaign.";
+      return drawn;
+    case PaperFigure::Kind::kStates:
+    case PaperFigure::Kind::kAttack:
+      draw_signals(figure, experiment, drawn);
+      drawn.note = "Run " + std::to_string(figure.run) + " of the campaign.";
+      return drawn;
+    case PaperFigure::Kind::kPackets:
+      draw_packets(figure, experiment, drawn);
       drawn.note = "Run " + std::to_string(figure.run) + " of the campaign.";
       return drawn;
     case PaperFigure::Kind::kReadings:

@@ -28,8 +28,7 @@ bool wants_more_runs(const Paper& paper, const PaperCampaign& campaign,
     for (const PaperRow& row : table.rows) {
       if (row.campaign != campaign.name) continue;
       const RowResult result = evaluate(row, campaign, summary);
-      if (result.verdict == Verdict::kCannotTell && !is_reference_too_wide(result.reference))
-        return true;
+      if (result.verdict == Verdict::kCannotTell && !result.is_reference_too_wide()) return true;
     }
   }
   return false;
@@ -78,7 +77,7 @@ std::string verdict_cell(const RowResult& row, const std::string& chosen_by_us) 
   if (row.row.is_control)
     return text + (row.verdict == Verdict::kDiffers ? " (wrong on purpose)"
                                                     : " (wrong on purpose: SHOULD DIFFER)");
-  if (row.verdict == Verdict::kCannotTell && is_reference_too_wide(row.reference))
+  if (row.verdict == Verdict::kCannotTell && row.is_reference_too_wide())
     text += " (reference too uncertain)";
   return text;
 }
@@ -149,6 +148,10 @@ RowResult evaluate(const PaperRow& row, const PaperCampaign& campaign,
     const Metric* metric = find_metric(estimator.metrics, row.metric, row.group);
     if (metric == nullptr) continue;
     result.ours = {metric->value, metric->standard_error};
+    // A share that never varied is known no better than to one event more or less.
+    const bool is_whole = metric->value == 0.0 || metric->value == 1.0;
+    if (is_whole && metric->standard_error == 0.0 && metric->count > 0)
+      result.ours.standard_error = 1.0 / static_cast<double>(metric->count);
     if (!metric->unit.empty()) result.label += " [" + metric->unit + "]";
     result.reference = {row.reference, row.standard_error};
     // Not stated: as large as ours, for as many runs as the reference had.
@@ -158,19 +161,26 @@ RowResult evaluate(const PaperRow& row, const PaperCampaign& campaign,
           std::sqrt(static_cast<double>(point.num_runs) / static_cast<double>(row.reference_runs));
     }
     result.is_judged = !std::isnan(row.reference);
-    result.verdict = compare(result.ours, result.reference);
+    result.verdict = compare(result.ours, result.reference, result.band_max());
     return result;
   }
   throw UsageError("campaign " + campaign.name + " has no " + row.metric + " of estimator '" +
                    row.estimator + "' in group '" + row.group + "'");
 }
 
+double RowResult::band_max() const {
+  return std::isnan(row.band_max) ? widest_band(reference) : row.band_max;
+}
+
+bool RowResult::is_reference_too_wide() const {
+  return holdfast::is_reference_too_wide(reference, band_max());
+}
+
 bool Reproduction::has_failed(bool is_quick) const {
   for (const TableResult& table : tables) {
     for (const RowResult& row : table.rows) {
       if (!row.is_judged) continue;
-      const bool is_open =
-          row.verdict == Verdict::kCannotTell && !is_reference_too_wide(row.reference);
+      const bool is_open = row.verdict == Verdict::kCannotTell && !row.is_reference_too_wide();
       if (row.row.is_control ? row.verdict != Verdict::kDiffers
                              : row.verdict == Verdict::kDiffers || (is_open && !is_quick))
         return true;

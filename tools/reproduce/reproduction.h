@@ -29,6 +29,10 @@ struct RowResult {
   std::int64_t num_runs = 0;
   Verdict verdict = Verdict::kCannotTell;
   bool is_judged = true;  // false: there is nothing to compare with
+
+  double band_max() const;
+  /// Cannot be told, and the reference is why.
+  bool is_reference_too_wide() const;
 };
 
 struct TableResult {

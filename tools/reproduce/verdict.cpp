@@ -8,7 +8,7 @@ namespace {
 constexpr double kStandardErrors = 4.0;
 constexpr double kBandShareMax = 0.1;
 // A reference that takes nearly the whole band by itself would ask for endless runs of ours.
-constexpr double kReferenceShareMax = 0.9 * kBandShareMax;
+constexpr double kReferenceShareMax = 0.9;
 
 }  // namespace
 
@@ -16,17 +16,20 @@ double verdict_band(const Uncertain& ours, const Uncertain& reference) {
   return kStandardErrors * std::hypot(ours.standard_error, reference.standard_error);
 }
 
-Verdict compare(const Uncertain& ours, const Uncertain& reference) {
+double widest_band(const Uncertain& reference) {
+  return kBandShareMax * std::abs(reference.value);
+}
+
+Verdict compare(const Uncertain& ours, const Uncertain& reference, double band_max) {
   const double band = verdict_band(ours, reference);
   const double distance = std::abs(ours.value - reference.value);
   if (!std::isfinite(band) || !std::isfinite(distance)) return Verdict::kCannotTell;
   if (distance > band) return Verdict::kDiffers;
-  return band < kBandShareMax * std::abs(reference.value) ? Verdict::kAgrees : Verdict::kCannotTell;
+  return band < band_max ? Verdict::kAgrees : Verdict::kCannotTell;
 }
 
-bool is_reference_too_wide(const Uncertain& reference) {
-  return kStandardErrors * reference.standard_error >=
-         kReferenceShareMax * std::abs(reference.value);
+bool is_reference_too_wide(const Uncertain& reference, double band_max) {
+  return kStandardErrors * reference.standard_error >= kReferenceShareMax * band_max;
 }
 
 std::string verdict_text(Verdict verdict, bool is_chosen_by_us) {

@@ -83,6 +83,10 @@ void name_signals(const Ieee14Options& options, SystemModel& model) {
 }  // namespace
 
 void Ieee14Options::read(ConfigurationMap& map) {
+  if (map.has("preset")) {
+    inertia_pu_s2.clear();
+    damping_pu_s.clear();
+  }
   map.read_choice("preset", preset, {{"drift", Preset::kDrift}, {"realistic", Preset::kRealistic}});
   map.read("nonlinear", nonlinear);
   std::vector<double> buses(victims.begin(), victims.end());

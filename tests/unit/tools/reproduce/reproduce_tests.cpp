@@ -56,24 +56,32 @@ Reproduction reproduce_tiny(double reference, double standard_error, bool is_con
   return reproduce(tiny_paper(reference, standard_error, is_control), options);
 }
 
+Verdict compare_by_tenth(const Uncertain& ours, const Uncertain& reference) {
+  return compare(ours, reference, widest_band(reference));
+}
+
 }  // namespace
 
 TEST_CASE("a verdict needs both: near enough, and errors small enough to mean it") {
   // band = 4 sqrt(0.3^2 + 0.4^2) = 2
   CHECK(verdict_band({0.0, 0.3}, {0.0, 0.4}) == Approx(2.0).epsilon(1e-15));
-  CHECK(compare({101.9, 0.3}, {100.0, 0.4}) == Verdict::kAgrees);
-  CHECK(compare({98.1, 0.3}, {100.0, 0.4}) == Verdict::kAgrees);
-  CHECK(compare({102.1, 0.3}, {100.0, 0.4}) == Verdict::kDiffers);
-  CHECK(compare({97.9, 0.3}, {100.0, 0.4}) == Verdict::kDiffers);
+  CHECK(compare_by_tenth({101.9, 0.3}, {100.0, 0.4}) == Verdict::kAgrees);
+  CHECK(compare_by_tenth({98.1, 0.3}, {100.0, 0.4}) == Verdict::kAgrees);
+  CHECK(compare_by_tenth({102.1, 0.3}, {100.0, 0.4}) == Verdict::kDiffers);
+  CHECK(compare_by_tenth({97.9, 0.3}, {100.0, 0.4}) == Verdict::kDiffers);
   // A band of 2 is a tenth of 20: it could hide what it should find.
-  CHECK(compare({20.0, 0.3}, {20.0, 0.4}) == Verdict::kCannotTell);
-  CHECK(compare({20.1, 0.3}, {20.1, 0.4}) == Verdict::kAgrees);
-  CHECK(compare({-20.1, 0.3}, {-20.1, 0.4}) == Verdict::kAgrees);
-  CHECK(compare({5.0, 0.3}, {1.0, 0.4}) == Verdict::kDiffers);  // far apart, however wide
-  CHECK(compare({1.0, std::nan("")}, {1.0, 0.0}) == Verdict::kCannotTell);
-  CHECK(compare({std::nan(""), 0.1}, {1.0, 0.0}) == Verdict::kCannotTell);
-  CHECK(is_reference_too_wide({20.0, 0.451}));  // 4 x 0.451 is more than 9 % of 20
-  CHECK_FALSE(is_reference_too_wide({20.0, 0.449}));
+  CHECK(compare_by_tenth({20.0, 0.3}, {20.0, 0.4}) == Verdict::kCannotTell);
+  CHECK(compare_by_tenth({20.1, 0.3}, {20.1, 0.4}) == Verdict::kAgrees);
+  CHECK(compare_by_tenth({-20.1, 0.3}, {-20.1, 0.4}) == Verdict::kAgrees);
+  CHECK(compare_by_tenth({5.0, 0.3}, {1.0, 0.4}) == Verdict::kDiffers);  // far apart, however wide
+  CHECK(compare_by_tenth({1.0, std::nan("")}, {1.0, 0.0}) == Verdict::kCannotTell);
+  CHECK(compare_by_tenth({std::nan(""), 0.1}, {1.0, 0.0}) == Verdict::kCannotTell);
+  // A share near 0 is told by an absolute band.
+  CHECK(compare_by_tenth({0.001, 0.0002}, {0.001, 0.0003}) == Verdict::kCannotTell);
+  CHECK(compare({0.001, 0.0002}, {0.001, 0.0003}, 0.002) == Verdict::kAgrees);
+  CHECK(compare({0.004, 0.0002}, {0.001, 0.0003}, 0.002) == Verdict::kDiffers);
+  CHECK(is_reference_too_wide({20.0, 0.451}, widest_band({20.0, 0.0})));  // 4 x 0.451 is more than 9 % of 20
+  CHECK_FALSE(is_reference_too_wide({20.0, 0.449}, widest_band({20.0, 0.0})));
   CHECK(verdict_text(Verdict::kAgrees, true) == "consistent with");
   CHECK(verdict_text(Verdict::kAgrees, false) == "reproduced");
 }
