@@ -98,6 +98,7 @@ void SignalAttackPlant::set_attack() {
         std::max(attack.window.first_step, static_cast<std::int64_t>(from_time));
     attack_[attack.channel] += attack.waveform.value(step_.step - first, model_.step_s);
   }
+  step_.mode = attack_.isZero(0.0) ? 0 : 1;
   if (attack_.size() > 0) {
     std::copy(attack_.begin(), attack_.end(), step_.attack_signals.front().value.begin());
   }

@@ -33,7 +33,7 @@ struct SignalAttackPlantOptions {
 ///
 /// Step k has x_k, a_k and y_k = h(x_k, a_k) + v_k; then x_{k+1} = f(x_k, a_k) + w_k. Attack signal
 /// "attack" holds a_k, one value per channel, zero outside the windows. Clean readings lack the
-/// feedthrough of a_k, not its effect on the state.
+/// feedthrough of a_k, not its effect on the state. The mode is 1 while a_k is not zero, else 0.
 class SignalAttackPlant : public Plant {
  public:
   /// rows[source]: which rows of y that source sends. Precondition: the model has no problems().
