@@ -121,9 +121,10 @@ void JointInputStateOptions::read(ConfigurationMap& map, const SystemModel& mode
 }
 
 void InteractingMultipleModelOptions::read(ConfigurationMap& map, const SystemModel& model) {
-  read_start(map, model, start);
+  ConfigurationMap start_map = map.map("start");
+  start.read(start_map, model.num_states());
+  start_map.read("attack_probability", start_attack_probability, kProbability);
   read_attack(map, model, attack_prior, feedthrough);
-  map.read("attack_probability", attack_probability, kProbability);
   map.read("birth_probability", birth_probability, kProbability);
   map.read("survival_probability", survival_probability, kProbability);
   map.read_choice("packets", packets, {{"choice", Packets::kChoice}, {"all", Packets::kAll}});

@@ -74,9 +74,9 @@ struct InteractingMultipleModelOptions {
   GaussianOptions start;
   GaussianOptions attack_prior{{}, {10.0}, {}};
   Feedthrough feedthrough = Feedthrough::kAuto;
-  double attack_probability = 0.1;     // at step 1, before Z_1
-  double birth_probability = 0.05;     // pb
-  double survival_probability = 0.95;  // ps
+  double start_attack_probability = 0.1;  // at step 1, before Z_1; key `start.attack_probability`
+  double birth_probability = 0.05;        // pb
+  double survival_probability = 0.95;     // ps
   Packets packets = Packets::kAll;
   VectorOptions vector;
   double delivery_probability = 0.95;

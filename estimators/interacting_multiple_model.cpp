@@ -46,8 +46,8 @@ InteractingMultipleModel::InteractingMultipleModel(const SystemModel& model,
       from_none_(zeros(model.num_states())),
       from_attack_(from_none_),
       mixed_(from_none_),
-      log_none_(std::log1p(-checked(options.attack_probability))),
-      log_attack_(std::log(options.attack_probability)) {
+      log_none_(std::log1p(-checked(options.start_attack_probability))),
+      log_attack_(std::log(options.start_attack_probability)) {
   attack_core_.join_input(none_, attack_);
   if (options.packets == InteractingMultipleModelOptions::Packets::kAll) {
     associations_.assign(2, PacketAssociation(options.delivery_probability, options.packet_box.low,

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/models/ieee14/ieee14_model.h"
-#include "tests/unit/estimators/baseline_cases.h"
+#include "tests/unit/estimators/baselines/baseline_cases.h"
 #include "tools/bounds/clairvoyant_filter.h"
 
 using namespace holdfast;

@@ -4,7 +4,7 @@
 
 #include "estimators/joint_input_state.h"
 #include "estimators/kalman_filter.h"
-#include "tests/unit/estimators/baseline_cases.h"
+#include "tests/unit/estimators/baselines/baseline_cases.h"
 
 using namespace holdfast;
 using namespace holdfast::testing;

@@ -1,6 +1,6 @@
 #include "common/models/ieee14/ieee14_model.h"
 #include "tests/support/allocation_count.h"
-#include "tests/unit/estimators/every_baseline.h"
+#include "tests/unit/estimators/baselines/every_baseline.h"
 
 using namespace holdfast;
 using namespace holdfast::testing;

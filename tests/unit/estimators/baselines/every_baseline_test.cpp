@@ -1,7 +1,7 @@
 #include <cmath>
 #include <limits>
 
-#include "tests/unit/estimators/every_baseline.h"
+#include "tests/unit/estimators/baselines/every_baseline.h"
 
 using namespace holdfast;
 using namespace holdfast::testing;
@@ -132,8 +132,11 @@ TEST_CASE("options of the baselines are read, checked and resolved") {
                         "packet_box: {low: -1, high: [1, 2, 3, 4]}\ndelivery_probability: 0.5");
   CHECK(pda.packet_box.low == std::vector<double>(4, -1.0));
   CHECK(pda.packet_box.high.at(3) == 4.0);
-  const auto modes = read(InteractingMultipleModelOptions{}, "packets: choice\npacket: nearest");
+  const auto modes = read(InteractingMultipleModelOptions{},
+                          "packets: choice\npacket: nearest\n"
+                          "start: {mean: 1, std: 2, attack_probability: 0.25}");
   CHECK(modes.vector.packet == PacketRule::kNearest);
+  CHECK(modes.start_attack_probability == 0.25);
 
   const auto refused = [&](auto options, const std::string& text) {
     CHECK_THROWS_AS(read(options, text), ConfigurationError);

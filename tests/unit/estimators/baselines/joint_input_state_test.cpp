@@ -5,7 +5,7 @@
 #include "common/chi_square.h"
 #include "common/errors.h"
 #include "estimators/kalman_filter.h"
-#include "tests/unit/estimators/baseline_cases.h"
+#include "tests/unit/estimators/baselines/baseline_cases.h"
 
 using namespace holdfast;
 using namespace holdfast::testing;

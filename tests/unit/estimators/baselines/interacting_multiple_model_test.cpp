@@ -6,7 +6,7 @@
 #include "estimators/joint_input_state.h"
 #include "estimators/kalman_filter.h"
 #include "estimators/probabilistic_data_association.h"
-#include "tests/unit/estimators/baseline_cases.h"
+#include "tests/unit/estimators/baselines/baseline_cases.h"
 
 using namespace holdfast;
 using namespace holdfast::testing;
@@ -18,7 +18,7 @@ InteractingMultipleModelOptions options_of(Packets packets) {
   InteractingMultipleModelOptions options;
   options.start = {{1.0, -1.0, 0.5}, {0.7}, {}};
   options.attack_prior = {{1.0, -1.0}, {3.0}, {}};
-  options.attack_probability = 0.3;
+  options.start_attack_probability = 0.3;
   options.birth_probability = 0.2;
   options.survival_probability = 0.7;
   options.packets = packets;
@@ -53,9 +53,9 @@ TEST_CASE("a mode that cannot end is the filter of that mode") {
       const Path path(model, kStart, kPrior, std::vector<bool>(6, true), 0);
       auto options = options_of(packets);
       options.delivery_probability = packets == Packets::kChoice ? 0.9 : 1.0;
-      options.attack_probability = options.birth_probability = 0.0;
+      options.start_attack_probability = options.birth_probability = 0.0;
       InteractingMultipleModel never(model, options, kOneSource);
-      options.attack_probability = options.survival_probability = 1.0;
+      options.start_attack_probability = options.survival_probability = 1.0;
       InteractingMultipleModel always(model, options, kOneSource);
       KalmanFilterOptions kalman_options;
       kalman_options.start = options.start;
@@ -86,7 +86,7 @@ TEST_CASE("without attack modes the packets' mixture is probabilistic data assoc
   const SystemModel model = small_model(true);
   const Path path(model, kStart, kPrior, std::vector<bool>(5, false), 4);
   auto options = options_of(Packets::kAll);
-  options.attack_probability = options.birth_probability = 0.0;
+  options.start_attack_probability = options.birth_probability = 0.0;
   InteractingMultipleModel filter(model, options, kOneSource);
   ProbabilisticDataAssociationOptions pda_options;
   pda_options.start = options.start;

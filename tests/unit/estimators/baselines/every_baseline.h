@@ -10,7 +10,7 @@
 #include "estimators/joint_input_state.h"
 #include "estimators/kalman_filter.h"
 #include "estimators/probabilistic_data_association.h"
-#include "tests/unit/estimators/baseline_cases.h"
+#include "tests/unit/estimators/baselines/baseline_cases.h"
 
 namespace holdfast::testing {
 
