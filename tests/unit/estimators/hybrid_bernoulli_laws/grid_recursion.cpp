@@ -74,12 +74,12 @@ GridRecursion::GridRecursion(const LawCase& law, const GridAxis& x, const GridAx
   }
   for (const AttackLaw& attack : law_.attacks) attacks_.push_back(make_attack_grid(attack));
   if (!law_.is_delivery_unknown()) {
-    nodes_.push_back({law_.pd, 1.0, 0.0, 0.0, {}, {}});
+    nodes_.push_back({law_.pd, 1.0, 0.0, 0.0, {}, {}, {}});
   } else {
     for (const auto& [pd, weight] : legendre_nodes()) {
       const double beta =
           std::pow(pd, law_.delivered_count - 1.0) * std::pow(1.0 - pd, law_.lost_count - 1.0);
-      nodes_.push_back({pd, weight * beta, 0.0, 0.0, {}, {}});
+      nodes_.push_back({pd, weight * beta, 0.0, 0.0, {}, {}, {}});
     }
   }
   for (Node& node : nodes_) start(node);
@@ -194,20 +194,53 @@ std::vector<GridRecursion::Explanation> GridRecursion::explanations(const LawSte
   return all;
 }
 
-void GridRecursion::correct(Node& node, const std::vector<Explanation>& all) const {
-  const auto likelihood = [&](double x, const Eigen::VectorXd& a) {
-    double sum = 0.0;
-    for (const Explanation& explanation : all) sum += explanation.likelihood(x, a, node.pd);
-    return sum;
-  };
+double GridRecursion::likelihood(const Node& node, const std::vector<Explanation>& all, double x,
+                                 const Eigen::VectorXd& a) const {
+  double sum = 0.0;
+  for (const Explanation& explanation : all) sum += explanation.likelihood(x, a, node.pd);
+  return sum;
+}
+
+// Of what the coming packets say of each [x; a] before the prediction.
+void GridRecursion::look_back(Node& node, const std::vector<Explanation>& all) const {
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(law_.m());
-  for (int i = 0; i < x_.size; ++i) node.p0[i] *= likelihood(x_.at(i), none);
+  Eigen::VectorXd calm(x_.size), attacked = Eigen::VectorXd::Zero(x_.size);
+  for (int i = 0; i < x_.size; ++i) {
+    calm[i] = likelihood(node, all, x_.at(i), none);
+    for (std::size_t v = 0; v < attacks_.size(); ++v) {
+      for (Eigen::Index point = 0; point < attacks_[v].a.cols(); ++point) {
+        attacked[i] += law_.attacks[v].probability * attacks_[v].cell * attacks_[v].density[point] *
+                       likelihood(node, all, x_.at(i), attacks_[v].a.col(point));
+      }
+    }
+  }
+  const Eigen::VectorXd of_calm = law_.pb * attacked + (1.0 - law_.pb) * calm;
+  const Eigen::VectorXd of_attack = law_.ps * attacked + (1.0 - law_.ps) * calm;
+  double total = (1.0 - node.r) * x_.spacing * node.p0.dot(transfer0_.transpose() * of_calm);
+  node.before = Eigen::MatrixXd::Zero(1 + law_.m(), 1 + law_.m());
+  Eigen::VectorXd one_and_a(1 + law_.m());
+  for (std::size_t v = 0; v < attacks_.size(); ++v) {
+    const Eigen::VectorXd said = attacks_[v].transfer.transpose() * of_attack;
+    for (Eigen::Index point = 0; point < attacks_[v].a.cols(); ++point) {
+      one_and_a << 1.0, attacks_[v].a.col(point);
+      const double mass = node.r * x_.spacing * attacks_[v].cell *
+                          node.p1[v].col(point).dot(said.segment(point * x_.size, x_.size));
+      node.before += mass * one_and_a * one_and_a.transpose();
+      total += mass;
+    }
+  }
+  node.before /= total;
+}
+
+void GridRecursion::correct(Node& node, const std::vector<Explanation>& all) const {
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(law_.m());
+  for (int i = 0; i < x_.size; ++i) node.p0[i] *= likelihood(node, all, x_.at(i), none);
   const double evidence0 = x_.spacing * node.p0.sum();
   double evidence1 = 0.0;
   for (std::size_t v = 0; v < attacks_.size(); ++v) {
     for (Eigen::Index point = 0; point < node.p1[v].cols(); ++point) {
       const Eigen::VectorXd a = attacks_[v].a.col(point);
-      for (int i = 0; i < x_.size; ++i) node.p1[v](i, point) *= likelihood(x_.at(i), a);
+      for (int i = 0; i < x_.size; ++i) node.p1[v](i, point) *= likelihood(node, all, x_.at(i), a);
     }
     evidence1 += x_.spacing * attacks_[v].cell * node.p1[v].sum();
   }
@@ -255,6 +288,15 @@ LawPosterior GridRecursion::posterior() const {
   for (const Node& node : nodes_) {
     add_moments(node, node.weight * std::exp(node.log_evidence) / total, sum);
   }
+  if (nodes_[0].before.size() > 0) {
+    Eigen::MatrixXd before = 0.0 * nodes_[0].before;
+    for (const Node& node : nodes_) {
+      before += node.weight * std::exp(node.log_evidence) / total * node.before;
+    }
+    sum.r_before = before(0, 0);
+    sum.mean_before = before.col(0).tail(law_.m()) / sum.r_before;
+    sum.square_before = before.bottomRightCorner(law_.m(), law_.m()) / sum.r_before;
+  }
   sum.mean0 /= 1.0 - sum.r;
   sum.square0 /= 1.0 - sum.r;
   sum.mean1 /= sum.r;
@@ -266,6 +308,7 @@ LawPosterior GridRecursion::posterior() const {
 LawPosterior GridRecursion::step(const LawStep& step) {
   const std::vector<Explanation> all = explanations(step);
   for (Node& node : nodes_) {
+    if (!is_first_ && law_.is_direct) look_back(node, all);
     if (!is_first_) predict(node);
     correct(node, all);
   }

@@ -23,7 +23,7 @@ inline constexpr GridAxis kAxisX{-9.0, 0.3, 65}, kAxisA{-7.6, 0.4, 40};
 /// (62)-(68). The integrands are smooth and die out within the axes, so that the trapezoidal rule
 /// converges faster than any power of the spacing. An unknown delivery probability is integrated
 /// over too, by Gauss-Legendre: all integrands are polynomials in it when the counts of its beta
-/// prior are whole numbers.
+/// prior are whole numbers. With direct feedthrough it also looks one step back.
 class GridRecursion {
  public:
   /// Preconditions: n = 1. Every channel of an attack has the axis a.
@@ -45,6 +45,9 @@ class GridRecursion {
     double pd = 1.0, weight = 1.0, log_evidence = 0.0, r = 0.0;
     Eigen::VectorXd p0;               // over x
     std::vector<Eigen::MatrixXd> p1;  // of each attack and jointly with it: [x x a]
+    // Raw moments of [1; a] of the step before, in the light of this one: the probability of an
+    // attack then in the corner.
+    Eigen::MatrixXd before;
   };
   struct Explanation;
 
@@ -52,8 +55,11 @@ class GridRecursion {
   std::vector<Explanation> explanations(const LawStep& step) const;
   void start(Node& node) const;
   void predict(Node& node) const;
+  void look_back(Node& node, const std::vector<Explanation>& all) const;
   void correct(Node& node, const std::vector<Explanation>& all) const;
   LawPosterior posterior() const;
+  double likelihood(const Node& node, const std::vector<Explanation>& all, double x,
+                    const Eigen::VectorXd& a) const;
   void add_moments(const Node& node, double weight, LawPosterior& sum) const;
 
   LawCase law_;

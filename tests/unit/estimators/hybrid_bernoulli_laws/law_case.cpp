@@ -104,6 +104,11 @@ double disagreement(const LawPosterior& a, const LawPosterior& b) {
     compare(a.mean1, b.mean1);
     compare(a.covariance1(), b.covariance1());
   }
+  if (a.mean_before.size() > 0 && b.mean_before.size() > 0) {
+    compare_lists({a.r_before}, {b.r_before});
+    compare(a.mean_before, b.mean_before);
+    compare(a.square_before, b.square_before);
+  }
   compare_lists(a.attack_probability, b.attack_probability);
   compare_lists(a.packet_probability, b.packet_probability);
   compare_lists({a.delivery_probability}, {b.delivery_probability});

@@ -70,6 +70,12 @@ struct LawPosterior {
   std::vector<double> attack_probability;  // of each attack law, given an attack
   std::vector<double> packet_probability;  // of each packet being the authentic one
   double delivery_probability = 0.0;       // posterior mean of pd
+  // Of the attack of the step before, in the light of this step: its probability, and the moments
+  // of its signal if there was one. Empty after the first step and where a route does not give
+  // them.
+  double r_before = 0.0;
+  Eigen::VectorXd mean_before;    // [m]
+  Eigen::MatrixXd square_before;  // [m x m]
 
   Eigen::MatrixXd covariance0() const { return square0 - mean0 * mean0.transpose(); }
   Eigen::MatrixXd covariance1() const { return square1 - mean1 * mean1.transpose(); }

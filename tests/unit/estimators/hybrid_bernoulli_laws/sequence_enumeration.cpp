@@ -18,10 +18,10 @@ struct StepHypothesis {
 };
 
 // A sequence of hypotheses, weighed: log of its probability jointly with what was received, and
-// the Gaussian of the last [x; a].
+// the Gaussian of the last [x; a] and, from the second step on, of the a before.
 struct Weighed {
   double log_weight = 0.0;
-  int last_attack = kCalm;
+  int last_attack = kCalm, attack_before = kCalm;
   std::vector<int> last_authentic;
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance;
@@ -90,7 +90,7 @@ class Enumeration {
   }
 
   // Rows of the authentic values of all steps as linear functions of the base variables, their
-  // noise, and the last [x; a] as such a function.
+  // noise, and the last [x; a] and the a before as such functions.
   void stack(Eigen::MatrixXd& Y, Eigen::MatrixXd& noise, Eigen::VectorXd& y,
              Eigen::MatrixXd& Z) const {
     const Eigen::Index n = law_.n(), m = law_.m(), size = place_of_w(K_ - 1);
@@ -133,8 +133,10 @@ class Enumeration {
         if (step_i == step_j) noise(i, j) = law_.model.R(row_i, row_j);
       }
     }
-    Z.resize(n + m, size);
-    Z << X, a;
+    Z = Eigen::MatrixXd::Zero(n + (K_ > 1 ? 2 : 1) * m, size);
+    Z.topRows(n) = X;
+    Z.middleRows(n, m) = a;
+    if (K_ > 1) Z.block(n + m, place_of_a(K_ - 2), m, m).setIdentity();
   }
 
   Weighed weigh(double log_prior) const {
@@ -145,6 +147,7 @@ class Enumeration {
     Weighed result;
     result.log_weight = log_prior + log_delivery(result.mean_delivery);
     result.last_attack = sequence_.back().attack;
+    if (K_ > 1) result.attack_before = sequence_[sequence_.size() - 2].attack;
     result.last_authentic = sequence_.back().association.authentic;
     result.mean = Z * mean;
     result.covariance = Z * covariance * Z.transpose();
@@ -189,11 +192,14 @@ class Enumeration {
   std::vector<Weighed> all_;
 };
 
-void add(const Weighed& sequence, double weight, Eigen::Index size, Eigen::VectorXd& mean,
+// Adds the moments of the variables from first on.
+void add(const Weighed& sequence, double weight, Eigen::Index first, Eigen::VectorXd& mean,
          Eigen::MatrixXd& square) {
-  const Eigen::VectorXd part = sequence.mean.head(size);
+  const Eigen::Index size = mean.size();
+  const Eigen::VectorXd part = sequence.mean.segment(first, size);
   mean += weight * part;
-  square += weight * (sequence.covariance.topLeftCorner(size, size) + part * part.transpose());
+  square +=
+      weight * (sequence.covariance.block(first, first, size, size) + part * part.transpose());
 }
 
 }  // namespace
@@ -206,6 +212,10 @@ LawPosterior enumerate_sequences(const LawCase& law, std::size_t num_steps) {
   sum.square0 = Eigen::MatrixXd::Zero(n, n);
   sum.mean1 = Eigen::VectorXd::Zero(size);
   sum.square1 = Eigen::MatrixXd::Zero(size, size);
+  if (num_steps > 1) {
+    sum.mean_before = Eigen::VectorXd::Zero(law.m());
+    sum.square_before = Eigen::MatrixXd::Zero(law.m(), law.m());
+  }
   sum.attack_probability.assign(law.attacks.size(), 0.0);
   sum.packet_probability.assign(law.steps[num_steps - 1].packets.size(), 0.0);
   double largest = -std::numeric_limits<double>::infinity(), total = 0.0, calm = 0.0;
@@ -219,13 +229,17 @@ LawPosterior enumerate_sequences(const LawCase& law, std::size_t num_steps) {
     for (const int p : sequence.last_authentic) {
       sum.packet_probability[static_cast<std::size_t>(p)] += weight;
     }
+    if (sequence.attack_before != kCalm) {
+      sum.r_before += weight;
+      add(sequence, weight, size, sum.mean_before, sum.square_before);
+    }
     if (sequence.last_attack == kCalm) {
       calm += weight;
-      add(sequence, weight, n, sum.mean0, sum.square0);
+      add(sequence, weight, 0, sum.mean0, sum.square0);
     } else {
       sum.r += weight;
       sum.attack_probability[static_cast<std::size_t>(sequence.last_attack)] += weight;
-      add(sequence, weight, size, sum.mean1, sum.square1);
+      add(sequence, weight, 0, sum.mean1, sum.square1);
     }
   }
   if (calm > 0.0) {
@@ -236,6 +250,11 @@ LawPosterior enumerate_sequences(const LawCase& law, std::size_t num_steps) {
     sum.mean1 /= sum.r;
     sum.square1 /= sum.r;
     for (double& probability : sum.attack_probability) probability /= sum.r;
+  }
+  if (sum.r_before > 0.0) {
+    sum.mean_before /= sum.r_before;
+    sum.square_before /= sum.r_before;
+    sum.r_before /= total;
   }
   for (double& probability : sum.packet_probability) probability /= total;
   sum.r /= total;
