@@ -1,0 +1,47 @@
+#pragma once
+
+#include <vector>
+
+#include "estimators/gaussian_mixture.h"
+#include "estimators/hybrid_bernoulli_options.h"
+
+namespace holdfast {
+
+/// Merging and capping of a Gaussian mixture (Vo and Ma 2006, Table II).
+///
+/// The heaviest component takes in every other of the same attack model whose
+///   (m_i - m_j)' P^-1 (m_i - m_j) <= merge_below,
+/// P being that of the other (kOwn) or of the heaviest one (kDominant), and becomes one Gaussian of
+/// the same moments over the whole component; then the heaviest of the rest, and so on; then the
+/// components_max heaviest stay and weights are normalised. Equal weights: the first one is
+/// heavier. Where a covariance is singular the means of one attack model agree, and such a
+/// direction counts nothing. O(J log J + J K d^2), K components left before the cap. Keeps its
+/// memory.
+class MixtureReduction {
+ public:
+  explicit MixtureReduction(const HybridBernoulliOptions& options);
+
+  /// reduced is overwritten; it has the mixture's dimension and is another object.
+  void reduce(const GaussianMixture& mixture, GaussianMixture& reduced);
+
+ private:
+  void factorise(const GaussianMixture& mixture);
+  double squared_distance(const GaussianMixture& mixture, int dominant, int other);
+  void gather(const GaussianMixture& mixture, std::size_t first);
+  void merge(const GaussianMixture& mixture, GaussianMixture& reduced);
+
+  double merge_below_;
+  HybridBernoulliOptions::MergeMetric metric_;
+  int components_max_;
+  std::vector<int> order_;    // by falling weight; those taken are removed
+  std::vector<int> cluster_;  // dominant first
+  std::vector<double> factors_, difference_;
+  std::vector<int> factor_of_;  // per covariance, -1 before it is needed
+};
+
+/// Keeps what is above the threshold, always the largest: indices of log weights with
+/// w > prune_below among weights that sum to one, at most count_max of the largest, ascending.
+void prune(std::span<const double> log_weights, double prune_below, int count_max,
+           std::vector<int>& kept);
+
+}  // namespace holdfast
