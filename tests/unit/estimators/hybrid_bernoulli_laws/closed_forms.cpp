@@ -28,7 +28,7 @@ Part moved(const Eigen::MatrixXd& F, const Eigen::MatrixXd& Q, const Eigen::Vect
 Part attack_moments(const LawCase& law) {
   Part all{0.0, Eigen::VectorXd::Zero(law.m()), Eigen::MatrixXd::Zero(law.m(), law.m())};
   for (const AttackLaw& attack : law.attacks) {
-    for (const AttackTerm& term : attack.terms) {
+    for (const SignalTerm& term : attack.terms) {
       Part part{1.0, Eigen::VectorXd::Zero(law.m()), Eigen::MatrixXd::Zero(law.m(), law.m())};
       part.mean(attack.channels) = term.mean;
       part.square(attack.channels, attack.channels) =

@@ -102,7 +102,7 @@ GridRecursion::AttackGrid GridRecursion::make_attack_grid(const AttackLaw& attac
       a[static_cast<Eigen::Index>(c)] = a_.at(rest % a_.size);
       grid.a(attack.channels[c], point) = a_.at(rest % a_.size);
     }
-    for (const AttackTerm& term : attack.terms) {
+    for (const SignalTerm& term : attack.terms) {
       grid.density[point] += term.weight * normal_density(a - term.mean, term.covariance);
     }
   }
@@ -133,36 +133,35 @@ void GridRecursion::start(Node& node) const {
 
 void GridRecursion::predict(Node& node) const {
   const double r = node.r, next = (1.0 - r) * law_.pb + r * law_.ps;
-  // What each hypothesis was, times the probability of being attacked from now on.
-  Eigen::VectorXd attacked = Eigen::VectorXd::Zero(x_.size), calm = attacked;
-  if (law_.is_direct) {
-    const Eigen::VectorXd from_calm = transfer0_ * node.p0;
-    Eigen::VectorXd from_attack = Eigen::VectorXd::Zero(x_.size);
-    for (std::size_t v = 0; v < attacks_.size(); ++v) {
-      const Eigen::Map<const Eigen::VectorXd> all(node.p1[v].data(), node.p1[v].size());
-      from_attack += attacks_[v].cell * (attacks_[v].transfer * all);
-    }
-    calm = (1.0 - r) * (1.0 - law_.pb) * from_calm + r * (1.0 - law_.ps) * from_attack;
-    attacked = (1.0 - r) * law_.pb * from_calm + r * law_.ps * from_attack;
-    for (std::size_t v = 0; v < attacks_.size(); ++v) {
-      node.p1[v] = law_.attacks[v].probability / next * attacked * attacks_[v].density.transpose();
-    }
-  } else {
-    Eigen::VectorXd marginal = Eigen::VectorXd::Zero(x_.size);
-    for (std::size_t v = 0; v < attacks_.size(); ++v) {
-      marginal += attacks_[v].cell * node.p1[v].rowwise().sum();
-    }
-    calm = transfer0_ * ((1.0 - r) * (1.0 - law_.pb) * node.p0 + r * (1.0 - law_.ps) * marginal);
-    attacked = (1.0 - r) * law_.pb * node.p0 + r * law_.ps * marginal;
-    for (std::size_t v = 0; v < attacks_.size(); ++v) {
-      for (Eigen::Index point = 0; point < node.p1[v].cols(); ++point) {
+  // Densities of x when an attack of each law has moved it, before noise when without feedthrough.
+  Eigen::VectorXd from_calm = node.p0, from_all = Eigen::VectorXd::Zero(x_.size);
+  std::vector<Eigen::VectorXd> from;
+  if (law_.is_direct) from_calm = transfer0_ * node.p0;
+  for (std::size_t v = 0; v < attacks_.size(); ++v) {
+    const Eigen::Map<const Eigen::VectorXd> all(node.p1[v].data(), node.p1[v].size());
+    Eigen::VectorXd moved = node.p1[v].rowwise().sum();
+    if (law_.is_direct) moved = attacks_[v].transfer * all;
+    from.push_back(attacks_[v].cell * moved);
+    from_all += from.back();
+  }
+  for (std::size_t v = 0; v < attacks_.size(); ++v) {
+    const double drawn = law_.attacks[v].probability;
+    const Eigen::VectorXd attacked =
+        (1.0 - r) * law_.pb * drawn * from_calm +
+        r * law_.ps * ((1.0 - law_.persistence) * drawn * from_all + law_.persistence * from[v]);
+    for (Eigen::Index point = 0; point < node.p1[v].cols(); ++point) {
+      const double density = attacks_[v].density[point] / next;
+      if (law_.is_direct) {
+        node.p1[v].col(point) = density * attacked;
+      } else {
         node.p1[v].col(point) =
-            law_.attacks[v].probability / next * attacks_[v].density[point] *
-            (attacks_[v].transfer.middleCols(point * x_.size, x_.size) * attacked);
+            density * (attacks_[v].transfer.middleCols(point * x_.size, x_.size) * attacked);
       }
     }
   }
-  node.p0 = calm / (1.0 - next);
+  node.p0 =
+      ((1.0 - r) * (1.0 - law_.pb) * from_calm + r * (1.0 - law_.ps) * from_all) / (1.0 - next);
+  if (!law_.is_direct) node.p0 = (transfer0_ * node.p0).eval();
   node.r = next;
 }
 
@@ -205,22 +204,26 @@ double GridRecursion::likelihood(const Node& node, const std::vector<Explanation
 void GridRecursion::look_back(Node& node, const std::vector<Explanation>& all) const {
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(law_.m());
   Eigen::VectorXd calm(x_.size), attacked = Eigen::VectorXd::Zero(x_.size);
+  std::vector<Eigen::VectorXd> attacked_by(attacks_.size(), attacked);
   for (int i = 0; i < x_.size; ++i) {
     calm[i] = likelihood(node, all, x_.at(i), none);
     for (std::size_t v = 0; v < attacks_.size(); ++v) {
       for (Eigen::Index point = 0; point < attacks_[v].a.cols(); ++point) {
-        attacked[i] += law_.attacks[v].probability * attacks_[v].cell * attacks_[v].density[point] *
-                       likelihood(node, all, x_.at(i), attacks_[v].a.col(point));
+        attacked_by[v][i] += attacks_[v].cell * attacks_[v].density[point] *
+                             likelihood(node, all, x_.at(i), attacks_[v].a.col(point));
       }
+      attacked[i] += law_.attacks[v].probability * attacked_by[v][i];
     }
   }
   const Eigen::VectorXd of_calm = law_.pb * attacked + (1.0 - law_.pb) * calm;
-  const Eigen::VectorXd of_attack = law_.ps * attacked + (1.0 - law_.ps) * calm;
   double total = (1.0 - node.r) * x_.spacing * node.p0.dot(transfer0_.transpose() * of_calm);
   node.before = Eigen::MatrixXd::Zero(1 + law_.m(), 1 + law_.m());
   Eigen::VectorXd one_and_a(1 + law_.m());
   for (std::size_t v = 0; v < attacks_.size(); ++v) {
-    const Eigen::VectorXd said = attacks_[v].transfer.transpose() * of_attack;
+    const double keeps = law_.persistence;
+    const Eigen::VectorXd said =
+        attacks_[v].transfer.transpose() *
+        (law_.ps * ((1.0 - keeps) * attacked + keeps * attacked_by[v]) + (1.0 - law_.ps) * calm);
     for (Eigen::Index point = 0; point < attacks_[v].a.cols(); ++point) {
       one_and_a << 1.0, attacks_[v].a.col(point);
       const double mass = node.r * x_.spacing * attacks_[v].cell *

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace holdfast::testing {
 
@@ -10,6 +11,26 @@ namespace {
 
 const std::vector<int>& rows_of(const LawCase& law, const LawPacket& packet) {
   return law.rows[static_cast<std::size_t>(packet.source)];
+}
+
+// Of each source, the first source that shares rows with it, directly or in a chain.
+std::vector<std::size_t> nodes(const LawCase& law) {
+  std::vector<std::size_t> node(law.rows.size());
+  std::iota(node.begin(), node.end(), std::size_t{0});
+  const auto overlap = [&](std::size_t s, std::size_t t) {
+    const auto& rows = law.rows[s];
+    return std::any_of(rows.begin(), rows.end(), [&](int row) {
+      return std::count(law.rows[t].begin(), law.rows[t].end(), row) > 0;
+    });
+  };
+  for (std::size_t round = 0; round < node.size(); ++round) {
+    for (std::size_t s = 0; s < node.size(); ++s) {
+      for (std::size_t t = 0; t < node.size(); ++t) {
+        if (overlap(s, t)) node[s] = node[t] = std::min(node[s], node[t]);
+      }
+    }
+  }
+  return node;
 }
 
 // Those among them that are out of the box, when that makes them certain.
@@ -49,26 +70,27 @@ double fake_density(const LawCase& law, const LawPacket& packet) {
 std::vector<Association> associations(const LawCase& law, const LawStep& step) {
   if (step.correction == CorrectionLaw::kSubstitution) return substitution_associations(law, step);
   std::vector<Association> all = {{}};
-  for (std::size_t source = 0; source < law.rows.size(); ++source) {
-    std::vector<int> of_source;
+  const std::vector<std::size_t> node_of_source = nodes(law);
+  for (std::size_t node = 0; node < law.rows.size(); ++node) {
+    if (node_of_source[node] != node) continue;
+    std::vector<int> of_node;
     for (std::size_t p = 0; p < step.packets.size(); ++p) {
-      if (step.packets[p].source == static_cast<int>(source)) {
-        of_source.push_back(static_cast<int>(p));
-      }
+      const auto source = static_cast<std::size_t>(step.packets[p].source);
+      if (node_of_source[source] == node) of_node.push_back(static_cast<int>(p));
     }
-    // Nothing of a source says something of an unknown pd, and nothing of anything else.
-    if (of_source.empty() && !law.is_delivery_unknown()) continue;
-    const std::vector<int> sure = certain(law, step, of_source);
+    // Nothing of a node says something of an unknown pd, and nothing of anything else.
+    if (of_node.empty() && !law.is_delivery_unknown()) continue;
+    const std::vector<int> sure = certain(law, step, of_node);
     std::vector<Association> longer;
     for (const Association& before : all) {
       Association lost = before;
       ++lost.num_lost;
       if (sure.empty()) longer.push_back(lost);
-      for (const int p : sure.empty() ? of_source : sure) {
+      for (const int p : sure.empty() ? of_node : sure) {
         Association taken = before;
         ++taken.num_delivered;
         taken.authentic.push_back(p);
-        taken.factor /= static_cast<double>(of_source.size());
+        taken.factor /= static_cast<double>(of_node.size());
         if (sure.empty()) {
           taken.factor /= fake_density(law, step.packets[static_cast<std::size_t>(p)]);
         }

@@ -8,7 +8,7 @@
 namespace holdfast::testing {
 
 /// One term of the density of an attack signal: weight N(mean, covariance), over its channels.
-struct AttackTerm {
+struct SignalTerm {
   double weight = 1.0;
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance;
@@ -18,7 +18,7 @@ struct AttackTerm {
 struct AttackLaw {
   double probability = 1.0;  // given that there is an attack
   std::vector<int> channels;
-  std::vector<AttackTerm> terms;
+  std::vector<SignalTerm> terms;
 };
 
 enum class CorrectionLaw { kInjection, kSubstitution };
@@ -43,8 +43,9 @@ struct LawCase {
   SystemModel model;
   bool is_direct = true;  // y_k sees a_k; otherwise a_{k-1} through x_k
   double pb = 0.15, ps = 0.8, pd = 0.9, pf = 0.2;
-  // Beta prior of the delivery probability, shared by all sources; 0, 0: it is pd.
+  // Beta prior of the delivery probability, shared by all nodes; 0, 0: it is pd.
   double delivered_count = 0.0, lost_count = 0.0;
+  double persistence = 0.0;  // of the attack law while an attack goes on; else it is drawn anew
   double start_probability = 0.3;
   Eigen::VectorXd start_mean;
   Eigen::MatrixXd start_covariance;
@@ -57,6 +58,11 @@ struct LawCase {
 
   int n() const { return model.num_states(); }
   int m() const { return model.num_attack_channels(); }
+  /// Probability of this attack law when an attack goes on, and before it was that one.
+  double attack_probability(std::size_t attack, std::size_t before) const {
+    return (1.0 - persistence) * attacks[attack].probability +
+           (attack == before ? persistence : 0.0);
+  }
   bool is_delivery_unknown() const { return delivered_count > 0.0; }
 };
 
@@ -91,14 +97,15 @@ bool is_outside(const LawCase& law, const LawPacket& packet);
 /// Density of fake packets over the rows that the packet has.
 double fake_density(const LawCase& law, const LawPacket& packet);
 
-/// One way to explain the packets of a step: which are authentic (at most one of each source).
+/// One way to explain the packets of a step: which are authentic, at most one of each node. Sources
+/// whose rows overlap, directly or in a chain, are one node.
 struct Association {
   std::vector<int> authentic;  // indices of packets
   double factor = 1.0;         // of the likelihood, without that of the authentic values and of pd
   int num_delivered = 0, num_lost = 0;  // powers of pd and 1 - pd
 };
 
-/// Every association of a step. Injection: eq. (14) of paper 003 per source with a packet;
+/// Every association of a step. Injection: eq. (14) of paper 003 per node with a packet;
 /// substitution: eq. (55) of paper 000 for the one packet.
 std::vector<Association> associations(const LawCase& law, const LawStep& step);
 

@@ -7,7 +7,7 @@
 namespace holdfast::testing {
 namespace {
 
-AttackTerm scalar_term(double weight, double mean, double variance) {
+SignalTerm scalar_term(double weight, double mean, double variance) {
   return {weight, Eigen::VectorXd::Constant(1, mean), Eigen::MatrixXd::Constant(1, 1, variance)};
 }
 
@@ -77,7 +77,7 @@ LawCase scalar_case(bool is_direct, CorrectionLaw correction) {
   return law;
 }
 
-LawCase two_attacks_case(bool is_direct, CorrectionLaw correction) {
+LawCase two_attacks_case(bool is_direct, CorrectionLaw correction, double persistence) {
   LawCase law = scalar_case(is_direct, correction);
   law.model.G = (Eigen::MatrixXd(1, 2) << 0.7, -0.8).finished();
   if (is_direct) {
@@ -86,6 +86,7 @@ LawCase two_attacks_case(bool is_direct, CorrectionLaw correction) {
     law.model.H = Eigen::MatrixXd::Zero(2, 2);
   }
   law.model.attack_names = {"a0", "a1"};
+  law.persistence = persistence;
   law.attacks = {{0.65, {0}, {scalar_term(1.0, 1.2, 0.7)}},
                  {0.35, {1}, {scalar_term(0.6, -0.5, 0.9), scalar_term(0.4, 0.8, 0.6)}}};
   return law;
@@ -101,6 +102,7 @@ LawCase unknown_delivery_case(bool is_direct, CorrectionLaw correction) {
 LawCase partial_packets_case(bool is_direct) {
   LawCase law = scalar_case(is_direct, CorrectionLaw::kInjection);
   law.rows = {{0}, {1}};
+  law.model.R = Eigen::Vector2d(0.4, 0.5).asDiagonal();
   const auto packet = [](double value, int source) {
     return LawPacket{Eigen::VectorXd::Constant(1, value), source};
   };
@@ -108,6 +110,14 @@ LawCase partial_packets_case(bool is_direct) {
                {CorrectionLaw::kInjection, {}},
                {CorrectionLaw::kInjection, {packet(2.1, 0)}},
                {CorrectionLaw::kInjection, {packet(-0.7, 1), packet(1.1, 1), packet(0.9, 0)}}};
+  return law;
+}
+
+LawCase overlapping_sources_case(bool is_direct) {
+  LawCase law = scalar_case(is_direct, CorrectionLaw::kInjection);
+  law.rows = {{0, 1}, {1}};
+  law.steps[0].packets.push_back({Eigen::VectorXd::Constant(1, 0.5), 1});
+  law.steps[1].packets.push_back({Eigen::VectorXd::Constant(1, -0.2), 1});
   return law;
 }
 

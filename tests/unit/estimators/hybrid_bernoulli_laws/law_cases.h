@@ -8,14 +8,19 @@ namespace holdfast::testing {
 /// 1, 0, 1, 1.
 LawCase scalar_case(bool is_direct, CorrectionLaw correction);
 
-/// The same with two channels, of which an attack drives either the one or the other.
-LawCase two_attacks_case(bool is_direct, CorrectionLaw correction);
+/// The same with two channels, of which an attack drives either the one or the other; while it goes
+/// on, the same one with this probability and otherwise one drawn anew.
+LawCase two_attacks_case(bool is_direct, CorrectionLaw correction, double persistence = 0.0);
 
 /// The same with a beta prior of the delivery probability.
 LawCase unknown_delivery_case(bool is_direct, CorrectionLaw correction);
 
-/// The scalar system with two sources, of one row of y each: 2 + 1, 0 + 0, 1 + 0 and 1 + 2 packets.
+/// The scalar system, R diagonal, with two sources of one row of y each: 2 + 1, 0 + 0, 1 + 0 and 1
+/// + 2 packets.
 LawCase partial_packets_case(bool is_direct);
+
+/// The same with sources that carry both rows, or the second one: one node.
+LawCase overlapping_sources_case(bool is_direct);
 
 /// The scalar system with two channels that an attack drives together, of which y shows a sum.
 LawCase rank_deficient_case();

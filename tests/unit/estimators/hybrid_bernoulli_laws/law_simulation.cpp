@@ -22,7 +22,8 @@ class Simulation {
     if (before != nullptr) attacked = before->is_attacked ? law_.ps : law_.pb;
     truth.is_attacked = uniform() < attacked;
     truth.a = Eigen::VectorXd::Zero(law_.m());
-    if (truth.is_attacked) draw_attack(truth);
+    const bool goes_on = before != nullptr && before->is_attacked;
+    if (truth.is_attacked) draw_attack(goes_on ? before->attack : -1, truth);
     if (before == nullptr) {
       truth.x = law_.start_mean + gaussian(law_.start_covariance);
     } else {
@@ -58,9 +59,11 @@ class Simulation {
     return size - 1;
   }
 
-  void draw_attack(LawTruth& truth) {
-    const std::size_t v =
-        pick(law_.attacks.size(), [&](std::size_t i) { return law_.attacks[i].probability; });
+  void draw_attack(int before, LawTruth& truth) {
+    const std::size_t v = pick(law_.attacks.size(), [&](std::size_t i) {
+      return before < 0 ? law_.attacks[i].probability
+                        : law_.attack_probability(i, static_cast<std::size_t>(before));
+    });
     const AttackLaw& attack = law_.attacks[v];
     const std::size_t t =
         pick(attack.terms.size(), [&](std::size_t i) { return attack.terms[i].weight; });

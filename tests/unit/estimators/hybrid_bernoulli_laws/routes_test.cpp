@@ -37,9 +37,19 @@ TEST_CASE("integration on a grid and enumeration of all sequences agree") {
   CHECK(worst_disagreement(law, other) > 1e-4);
   law = two_attacks_case(is_direct, correction);
   CHECK(worst_disagreement(law, law) < 1e-9);
-  law = partial_packets_case(is_direct);
+  law = two_attacks_case(is_direct, correction, 0.7);
   CHECK(worst_disagreement(law, law) < 1e-9);
   law = unknown_delivery_case(is_direct, correction);
+  CHECK(worst_disagreement(law, law) < 1e-9);
+}
+
+TEST_CASE("both routes agree on packets with some rows only") {
+  const bool is_direct = GENERATE(true, false);
+  LawCase law = partial_packets_case(is_direct);
+  CHECK(worst_disagreement(law, law) < 1e-9);
+  law.model.R(0, 1) = law.model.R(1, 0) = 0.1;
+  CHECK(worst_disagreement(law, law) < 1e-9);
+  law = overlapping_sources_case(is_direct);
   CHECK(worst_disagreement(law, law) < 1e-9);
 }
 

@@ -51,11 +51,16 @@ class Enumeration {
       sequence_[k] = {kCalm, 0, association};
       if (attacked < 1.0) extend(k + 1, log_factor + std::log(1.0 - attacked));
       if (attacked == 0.0) continue;
+      const int before = k > 0 ? sequence_[k - 1].attack : kCalm;
       for (std::size_t v = 0; v < law_.attacks.size(); ++v) {
+        const double of_attack =
+            attacked * (before == kCalm
+                            ? law_.attacks[v].probability
+                            : law_.attack_probability(v, static_cast<std::size_t>(before)));
+        if (of_attack == 0.0) continue;
         for (std::size_t t = 0; t < law_.attacks[v].terms.size(); ++t) {
           sequence_[k] = {static_cast<int>(v), t, association};
-          extend(k + 1, log_factor + std::log(attacked * law_.attacks[v].probability *
-                                              law_.attacks[v].terms[t].weight));
+          extend(k + 1, log_factor + std::log(of_attack * law_.attacks[v].terms[t].weight));
         }
       }
     }
@@ -75,7 +80,7 @@ class Enumeration {
       const StepHypothesis& step = sequence_[static_cast<std::size_t>(k)];
       if (step.attack != kCalm) {
         const AttackLaw& attack = law_.attacks[static_cast<std::size_t>(step.attack)];
-        const AttackTerm& term = attack.terms[step.term];
+        const SignalTerm& term = attack.terms[step.term];
         for (std::size_t i = 0; i < attack.channels.size(); ++i) {
           const Eigen::Index row = place_of_a(k) + attack.channels[i];
           mean[row] = term.mean[static_cast<Eigen::Index>(i)];

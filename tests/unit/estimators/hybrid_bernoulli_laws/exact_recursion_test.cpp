@@ -1,0 +1,93 @@
+// The filter against the exact recursion: on a grid (scalar state), and by enumeration of every
+// sequence of attacks and associations as one joint Gaussian.
+
+#include "tests/support/catch.h"
+#include "tests/unit/estimators/hybrid_bernoulli_laws/filter_route.h"
+#include "tests/unit/estimators/hybrid_bernoulli_laws/grid_recursion.h"
+#include "tests/unit/estimators/hybrid_bernoulli_laws/law_cases.h"
+#include "tests/unit/estimators/hybrid_bernoulli_laws/sequence_enumeration.h"
+
+using namespace holdfast;
+using namespace holdfast::testing;
+
+namespace {
+
+// Of the worst step.
+double grid_disagreement(const LawCase& law, const LawCase& assumed) {
+  GridRecursion grid(law, kAxisX, kAxisA);
+  FilterRoute filter(assumed);
+  double worst = 0.0;
+  for (const LawStep& step : law.steps) {
+    const LawPosterior expected = grid.step(step);
+    CHECK(expected.r > 0.02);
+    CHECK(expected.r < 0.98);
+    worst = std::max(worst, disagreement(filter.step(step), expected));
+  }
+  return worst;
+}
+
+double enumeration_disagreement(const LawCase& law, const FilterRoute::Change& change = {}) {
+  FilterRoute filter(law, change);
+  double worst = 0.0;
+  for (std::size_t k = 0; k < law.steps.size(); ++k) {
+    worst =
+        std::max(worst, disagreement(filter.step(law.steps[k]), enumerate_sequences(law, k + 1)));
+  }
+  return worst;
+}
+
+constexpr auto kInjection = CorrectionLaw::kInjection, kSubstitution = CorrectionLaw::kSubstitution;
+
+}  // namespace
+
+TEST_CASE("scalar system: the filter is the exact recursion, integrated on a grid") {
+  const bool is_direct = GENERATE(true, false);
+  const auto correction = GENERATE(kInjection, kSubstitution);
+  const LawCase law = scalar_case(is_direct, correction);
+  CHECK(grid_disagreement(law, law) < 1e-6);
+  LawCase other = law;
+  other.pb *= 1.01;  // negative control
+  CHECK(grid_disagreement(law, other) > 1e-5);
+}
+
+TEST_CASE("scalar system, two attack models: the exact recursion on a grid") {
+  const bool is_direct = GENERATE(true, false);
+  const auto correction = GENERATE(kInjection, kSubstitution);
+  const double persistence = GENERATE(0.0, 0.7);
+  const LawCase law = two_attacks_case(is_direct, correction, persistence);
+  CHECK(grid_disagreement(law, law) < 1e-6);
+}
+
+TEST_CASE("scalar system, delivery probability unknown: the exact recursion on a grid") {
+  const bool is_direct = GENERATE(true, false);
+  const auto correction = GENERATE(kInjection, kSubstitution);
+  const LawCase law = unknown_delivery_case(is_direct, correction);
+  CHECK(grid_disagreement(law, law) < 1e-6);
+}
+
+TEST_CASE("scalar system, packets with some rows only: the exact recursion on a grid") {
+  const bool is_direct = GENERATE(true, false);
+  const LawCase law = partial_packets_case(is_direct), other = overlapping_sources_case(is_direct);
+  CHECK(grid_disagreement(law, law) < 1e-6);
+  CHECK(grid_disagreement(other, other) < 1e-6);
+}
+
+TEST_CASE("scalar state, two channels of which y shows one: the exact recursion on a grid") {
+  const LawCase law = rank_deficient_case();
+  CHECK(grid_disagreement(law, law) < 1e-6);
+}
+
+TEST_CASE("every sequence of attacks and associations, one by one, gives the filter's posterior") {
+  const bool is_direct = GENERATE(true, false);
+  const auto number = GENERATE(range(0U, 4U));
+  struct Size {
+    int n, m, l;
+  };
+  const Size size = std::vector<Size>{{2, 1, 3}, {3, 2, 3}, {5, 2, 5}, {4, 1, 2}}[number];
+  CHECK(enumeration_disagreement(
+            random_case(number, size.n, size.m, size.l, is_direct, kInjection, {2, 1, 2})) < 1e-10);
+  CHECK(enumeration_disagreement(
+            random_case(number, size.n, size.m, size.l, is_direct, kInjection, {1, 0, 3})) < 1e-10);
+  CHECK(enumeration_disagreement(random_case(number, size.n, size.m, size.l, is_direct,
+                                             kSubstitution, {1, 0, 1})) < 1e-10);
+}
