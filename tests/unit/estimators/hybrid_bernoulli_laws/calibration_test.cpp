@@ -44,7 +44,6 @@ struct Calibration {
   RunMean attack_slope;  // the same, weighted by r: sure and unsure steps alike
   RunMean error;         // NEES / n - 1 of the state, whether attacked or not
   RunMean packet;        // authentic - its probability
-  RunMean model;         // first attack model - its probability, when attacked
 };
 
 double squared_error(const LawPosterior& posterior, const Eigen::VectorXd& x) {
@@ -59,7 +58,10 @@ double squared_error(const LawPosterior& posterior, const Eigen::VectorXd& x) {
 
 Calibration calibrate(const LawCase& truth, const LawCase& belief, CorrectionLaw correction) {
   Calibration result;
-  const auto reduce = [](HybridBernoulliOptions& options) {
+  const auto reduce = [correction](HybridBernoulliOptions& options) {
+    options.correction = correction == kInjection
+                             ? HybridBernoulliOptions::Correction::kInjection
+                             : HybridBernoulliOptions::Correction::kSubstitution;
     options.prune_below = 1e-5;
     options.merge_below = 1e-2;
     options.components_max = 40;
@@ -88,9 +90,14 @@ Calibration calibrate(const LawCase& truth, const LawCase& belief, CorrectionLaw
 }
 
 LawCase calibration_case(bool is_direct) {
-  LawCase law = random_case(6, 2, 1, 3, is_direct, kInjection, {});
-  law.box_low.setConstant(-10.0);
-  law.box_high.setConstant(10.0);
+  LawCase law = random_case(6, 2, 1, 2, is_direct, kInjection, {});
+  // Such that an attack can be seen and a fake can be believed, both often but not always; and
+  // that authentic values hardly ever leave the box.
+  law.model.R *= 0.1;
+  law.model.Q *= 0.5;
+  law.attacks[0].terms[0].covariance *= 5.0;
+  law.box_low.setConstant(-15.0);
+  law.box_high.setConstant(15.0);
   return law;
 }
 

@@ -91,3 +91,34 @@ TEST_CASE("every sequence of attacks and associations, one by one, gives the fil
   CHECK(enumeration_disagreement(random_case(number, size.n, size.m, size.l, is_direct,
                                              kSubstitution, {1, 0, 1})) < 1e-10);
 }
+
+TEST_CASE("correction chosen by what arrives: substitution for one packet, injection for more") {
+  const bool is_direct = GENERATE(true, false);
+  LawCase law = random_case(1, 2, 1, 3, is_direct, kInjection, {2, 1, 3, 0});
+  for (LawStep& step : law.steps) {
+    if (step.packets.size() == 1) step.correction = kSubstitution;
+  }
+  CHECK(enumeration_disagreement(law) < 1e-10);
+}
+
+TEST_CASE("what y does not show of the attack is estimated one step later") {
+  LawCase law = random_case(2, 3, 2, 4, true, kInjection, {1, 1, 2});
+  make_rank_deficient(law);
+  CHECK(enumeration_disagreement(law) < 1e-10);
+  // In the hidden direction, the prior at first and better one step later.
+  FilterRoute filter(law);
+  const Eigen::Vector2d hidden = Eigen::Vector2d(-1.0, 2.0).normalized();
+  const double prior = hidden.dot(law.attacks[0].terms[0].covariance * hidden);
+  filter.step(law.steps[0]);
+  const LawPosterior second = filter.step(law.steps[1]);
+  REQUIRE(second.mean_before.size() == 2);
+  const Eigen::MatrixXd covariance =
+      second.square_before - second.mean_before * second.mean_before.transpose();
+  CHECK(hidden.dot(covariance * hidden) < 0.9 * prior);
+  CHECK(filter.estimate().input_step == 1);
+}
+
+TEST_CASE("two attack models, unknown delivery, two nodes, a hidden channel, all at once") {
+  const bool is_direct = GENERATE(true, false);
+  CHECK(enumeration_disagreement(everything_case(is_direct)) < 1e-10);
+}

@@ -27,7 +27,7 @@ void reduce(HybridBernoulliOptions& options) {
 LawCase in_units(const LawCase& law, const Eigen::VectorXd& x, const Eigen::VectorXd& y,
                  const Eigen::VectorXd& a) {
   LawCase other = law;
-  const auto X = x.asDiagonal(), Y = y.asDiagonal(), A = a.asDiagonal();
+  const auto X = x.asDiagonal(), Y = y.asDiagonal();
   const Eigen::MatrixXd X_back = x.cwiseInverse().asDiagonal(),
                         A_back = a.cwiseInverse().asDiagonal();
   other.model.A = X * law.model.A * X_back;
@@ -82,7 +82,7 @@ TEST_CASE("units of x, y and a do not matter") {
   const Eigen::Vector3d x(1e3, 0.02, 5.0), y(1e-3, 40.0, 7.0);
   const Eigen::Vector2d a(1e2, 0.3);
   const LawCase scaled = in_units(law, x, y, a);
-  FilterRoute filter(law, reduce), other(scaled, reduce);
+  FilterRoute filter(law, reduce), other(scaled, reduce);  // the correction is that of the steps
   Eigen::VectorXd z(5);
   z << x, a;
   for (std::size_t k = 0; k < law.steps.size(); ++k) {
@@ -110,10 +110,6 @@ TEST_CASE("packets out of the box: constant, floor and zero mean what they say")
   for (std::size_t k = 0; k < law.steps.size(); ++k) {
     const LawPosterior expected = enumerate_sequences(law, k + 1);
     CHECK(disagreement(filter.step(law.steps[k]), expected) < 1e-10);
-  }
-  if (outside == OutsideLaw::kZero) {
-    const auto packets = filter.estimate().packet_probability;
-    CHECK(packets.back() == (correction == kInjection ? 1.0 : Approx(packets.back())));
   }
 }
 

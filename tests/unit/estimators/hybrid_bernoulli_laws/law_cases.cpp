@@ -124,7 +124,8 @@ LawCase overlapping_sources_case(bool is_direct) {
 LawCase rank_deficient_case() {
   LawCase law = scalar_case(true, CorrectionLaw::kInjection);
   law.model.G = (Eigen::MatrixXd(1, 2) << 0.7, 0.6).finished();
-  law.model.H = (Eigen::MatrixXd(2, 2) << 0.5, 0.25, 0.9, 0.45).finished();
+  law.model.H = (Eigen::MatrixXd(2, 2) << 0.5, 0.0, 0.9, 0.0).finished();
+  make_rank_deficient(law);
   law.model.attack_names = {"a0", "a1"};
   law.attacks = {
       {1.0,
@@ -167,6 +168,33 @@ LawCase random_case(std::uint32_t number, int n, int m, int l, bool is_direct,
     law.steps.push_back(step);
     x = law.model.A * x + 0.7 * draws.matrix(n, 1);
   }
+  return law;
+}
+
+void make_rank_deficient(LawCase& law) {
+  law.model.H.col(1) = 0.5 * law.model.H.col(0);
+}
+
+LawCase everything_case(bool is_direct) {
+  LawCase law = random_case(8, 2, 2, 3, is_direct, CorrectionLaw::kInjection, {2, 1, 2});
+  make_rank_deficient(law);
+  law.model.R.row(2) << 0.0, 0.0, law.model.R(2, 2);
+  law.model.R.col(2).head(2).setZero();
+  law.attacks = {{0.6, {0}, {scalar_term(1.0, 0.8, 0.7)}},
+                 {0.4, {1}, {scalar_term(1.0, -0.6, 1.1)}}};
+  law.persistence = 0.5;
+  law.delivered_count = 3.0;
+  law.lost_count = 1.5;
+  law.rows = {{0, 1}, {2}};
+  for (LawStep& step : law.steps) {
+    const std::vector<LawPacket> whole = step.packets;
+    step.packets.clear();
+    for (const LawPacket& packet : whole) {
+      step.packets.push_back({packet.y.tail(1), 1});
+      step.packets.push_back({packet.y.head(2), 0});
+    }
+  }
+  law.steps[1].packets.pop_back();  // the first node's only one
   return law;
 }
 

@@ -31,4 +31,12 @@ LawCase rank_deficient_case();
 LawCase random_case(std::uint32_t number, int n, int m, int l, bool is_direct,
                     CorrectionLaw correction, const std::vector<int>& num_packets);
 
+/// The second column of H becomes half the first one: y shows a sum of the channels only.
+/// Precondition: m = 2.
+void make_rank_deficient(LawCase& law);
+
+/// All at once: two channels of which y shows a sum, attacks of one or the other that tend to
+/// stay, an unknown delivery probability, two nodes, three steps with up to two packets of each.
+LawCase everything_case(bool is_direct);
+
 }  // namespace holdfast::testing

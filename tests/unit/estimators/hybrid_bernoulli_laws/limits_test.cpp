@@ -61,33 +61,47 @@ TEST_CASE("attacked for sure, every packet delivered, one each: joint input and 
   const int n = law.n(), m = law.m();
   const SignalTerm& a = law.attacks[0].terms[0];
   // z = [x; a], a white: F z keeps nothing of a but what moved x.
-  Eigen::MatrixXd F = Eigen::MatrixXd::Zero(n + m, n + m), J(4, n + m), none = F, noise = F;
+  Eigen::MatrixXd F = Eigen::MatrixXd::Zero(n + m, n + m), J(4, n + m), gain(n + m, m);
   F.topLeftCorner(n, n) = law.model.A;
+  if (is_direct) F.topRightCorner(n, m) = law.model.G;
   J << law.model.C, law.model.H;
-  Eigen::MatrixXd gain = Eigen::MatrixXd::Zero(n + m, m);
-  gain.bottomRows(m).setIdentity();
-  if (is_direct) {
-    F.topRightCorner(n, m) = law.model.G;
-  } else {
-    gain.topRows(n) = law.model.G;
-  }
-  noise = gain * a.covariance * gain.transpose();
+  gain << (is_direct ? 0.0 : 1.0) * law.model.G, Eigen::MatrixXd::Identity(m, m);
+  Eigen::MatrixXd noise = gain * a.covariance * gain.transpose();
   noise.topLeftCorner(n, n) += law.model.Q;
-  GaussianState state;
-  state.mean = Eigen::VectorXd(n + m);
-  state.mean << law.start_mean, a.mean;
-  state.covariance = none;
-  state.covariance.topLeftCorner(n, n) = law.start_covariance;
-  state.covariance.bottomRightCorner(m, m) = a.covariance;
+  // Step 1 is not predicted: from nothing to [x_1; a].
+  Eigen::MatrixXd first_noise = Eigen::MatrixXd::Zero(n + m, n + m), still = first_noise;
+  first_noise.topLeftCorner(n, n) = law.start_covariance;
+  first_noise.bottomRightCorner(m, m) = a.covariance;
+  Eigen::VectorXd first_push(n + m);
+  first_push << law.start_mean, a.mean;
+  GaussianState state{Eigen::VectorXd::Zero(n + m), still};
   for (std::size_t k = 0; k < law.steps.size(); ++k) {
-    const bool is_first = k == 0;
-    state = kalman_step(state, is_first ? Eigen::MatrixXd::Identity(n + m, n + m) : F,
-                        is_first ? Eigen::VectorXd::Zero(n + m) : gain * a.mean,
-                        is_first ? none : noise, J, law.model.R, law.steps[k].packets[0].y);
+    const Eigen::VectorXd push = k == 0 ? first_push : Eigen::VectorXd(gain * a.mean);
+    state = kalman_step(state, k == 0 ? still : F, push, k == 0 ? first_noise : noise, J,
+                        law.model.R, law.steps[k].packets[0].y);
     const LawPosterior posterior = filter.step(law.steps[k]);
     CHECK(posterior.r == 1.0);
     CHECK(difference(posterior.mean1, state.mean) < 1e-10);
     CHECK(difference(posterior.covariance1(), state.covariance) < 1e-10);
+  }
+}
+
+TEST_CASE("attacked for sure by who knows what: generalised least squares") {
+  LawCase law = random_case(2, 3, 2, 4, true, kInjection, kOneEach);
+  law.ps = law.start_probability = law.pd = 1.0;
+  law.attacks[0].terms[0].mean.setZero();
+  FilterRoute filter(law, [](HybridBernoulliOptions& options) {
+    options.input_prior = HybridBernoulliOptions::InputPrior::kFlat;
+  });
+  LawCase part = law;
+  part.steps.clear();
+  for (const LawStep& step : law.steps) {
+    part.steps.push_back(step);
+    const GaussianState expected = least_squares(part);
+    const LawPosterior posterior = filter.step(step);
+    CHECK(posterior.r == 1.0);
+    CHECK(difference(posterior.mean1, expected.mean) < 1e-9);
+    CHECK(difference(posterior.covariance1(), expected.covariance) < 1e-9);
   }
 }
 
