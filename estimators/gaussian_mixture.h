@@ -56,6 +56,8 @@ class GaussianMixture {
   /// A new component with a covariance of its own; its index. Sizes [d], [d x d].
   int add(double log_weight, const Eigen::Ref<const Eigen::VectorXd>& mean,
           const Eigen::Ref<const Eigen::MatrixXd>& covariance, const ComponentTag& tag = {});
+  /// Drops every component that is not in the ascending list.
+  void keep(std::span<const int> components);
   /// Shifts the log weights so that the weights sum to one; returns the logarithm of their sum
   /// before. Nothing changes when that is -infinity.
   double normalise();

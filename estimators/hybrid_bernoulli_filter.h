@@ -31,8 +31,7 @@ namespace holdfast {
 /// direct, for k - 1 when delayed or with a memory (HybridBernoulliLayout); hypotheses "no_attack"
 /// and "attack": moments of p0 and p1; mode_probability (several attack models): of each model,
 /// given an attack; packet_probability: posterior of being authentic, in the order of the set, 0
-/// for one refused; innovation: of the authentic packet (posterior mean) about the predicted y,
-/// when one source carries all rows.
+/// for one refused.
 class HybridBernoulliFilter : public Estimator {
  public:
   /// Throws UsageError when options or rows do not fit the model.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "estimators/gaussian_mixture.h"
@@ -25,23 +26,26 @@ class MixtureReduction {
   void reduce(const GaussianMixture& mixture, GaussianMixture& reduced);
 
  private:
-  void factorise(const GaussianMixture& mixture);
+  const double* factor(const GaussianMixture& mixture, int index);
   double squared_distance(const GaussianMixture& mixture, int dominant, int other);
   void gather(const GaussianMixture& mixture, std::size_t first);
-  void merge(const GaussianMixture& mixture, GaussianMixture& reduced);
+  void merge(const GaussianMixture& mixture, GaussianMixture& reduced, int dimension, int width);
+  ComponentTag merged_tag(const GaussianMixture& mixture) const;
+  void cap(GaussianMixture& reduced);
 
   double merge_below_;
   HybridBernoulliOptions::MergeMetric metric_;
   int components_max_;
-  std::vector<int> order_;    // by falling weight; those taken are removed
+  std::vector<int> order_;  // by falling weight
+  std::vector<char> is_taken_;
   std::vector<int> cluster_;  // dominant first
-  std::vector<double> factors_, difference_;
-  std::vector<int> factor_of_;  // per covariance, -1 before it is needed
+  std::vector<double> factors_, difference_, shares_;
+  std::vector<int> factor_of_, copy_of_;  // per covariance, -1 before it is needed
 };
 
-/// Keeps what is above the threshold, always the largest: indices of log weights with
-/// w > prune_below among weights that sum to one, at most count_max of the largest, ascending.
-void prune(std::span<const double> log_weights, double prune_below, int count_max,
+/// Indices, ascending, of log weights above the threshold, at most count_max of the largest; always
+/// that of the largest. Equal ones: the first is larger.
+void prune(std::span<const double> log_weights, double log_threshold, int count_max,
            std::vector<int>& kept);
 
 }  // namespace holdfast

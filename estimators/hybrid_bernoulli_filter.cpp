@@ -1,0 +1,184 @@
+#include "estimators/hybrid_bernoulli_filter.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/errors.h"
+#include "estimators/hybrid_bernoulli_correction.h"
+#include "estimators/hybrid_bernoulli_estimate.h"
+#include "estimators/hybrid_bernoulli_packets.h"
+#include "estimators/hybrid_bernoulli_prediction.h"
+#include "estimators/mixture_reduction.h"
+
+namespace holdfast {
+namespace {
+
+HybridBernoulliOptions checked(const SystemModel& model, const HybridBernoulliOptions& options) {
+  std::string text;
+  for (const std::string& problem : model.problems()) text += "\n  model: " + problem;
+  for (const std::string& problem : options.problems(model)) text += "\n  " + problem;
+  if (!text.empty()) throw UsageError("hybrid Bernoulli filter:" + text);
+  return options.completed(model);
+}
+
+HybridBernoulliLayout layout_of(const SystemModel& model, const HybridBernoulliOptions& options) {
+  using Feedthrough = HybridBernoulliOptions::Feedthrough;
+  HybridBernoulliLayout layout;
+  layout.num_states = model.num_states();
+  layout.num_channels = model.num_attack_channels();
+  layout.is_delayed = options.feedthrough == Feedthrough::kDelayed ||
+                      (options.feedthrough == Feedthrough::kAuto && model.H.isZero(0.0));
+  layout.has_memory =
+      !layout.is_delayed &&
+      Eigen::ColPivHouseholderQR<Eigen::MatrixXd>(model.H).rank() < layout.num_channels;
+  return layout;
+}
+
+}  // namespace
+
+struct HybridBernoulliFilter::Parts {
+  Parts(const SystemModel& model, const HybridBernoulliOptions& complete,
+        const std::vector<std::vector<int>>& rows)
+      : options(complete),
+        layout(layout_of(model, complete)),
+        packets(model, complete, rows),
+        prediction(model, complete, layout),
+        correction(model, complete, layout, rows),
+        reduction(complete),
+        output(complete, layout) {
+    for (HybridBernoulliBelief* each : {&belief, &spare}) {
+      each->p0 = GaussianMixture(layout.dimension0());
+      each->p1 = GaussianMixture(layout.dimension1());
+    }
+  }
+
+  void start();
+  void predict();
+  StepOutcome correct();
+
+  HybridBernoulliOptions options;
+  HybridBernoulliLayout layout;
+  HybridBernoulliPackets packets;
+  HybridBernoulliPrediction prediction;
+  HybridBernoulliCorrection correction;
+  MixtureReduction reduction;
+  HybridBernoulliOutput output;
+  HybridBernoulliBelief belief, spare;
+  bool is_predicted = true;  // whether the belief is that before a correction
+  std::vector<double> packet_probability;
+  std::int64_t refused = 0, candidates = 0;
+};
+
+void HybridBernoulliFilter::Parts::start() {
+  belief.set_attack_probability(options.start_attack_probability);
+  ComponentTag tag;
+  if (options.delivery_prior) {
+    tag.delivered = options.delivery_prior->alpha;
+    tag.lost = options.delivery_prior->beta;
+  }
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(layout.dimension0());
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(layout.dimension0(), layout.dimension0());
+  mean.head(layout.num_states) = options.start_mean;
+  covariance.topLeftCorner(layout.num_states, layout.num_states) = options.start_covariance;
+  belief.p0.add(0.0, mean, covariance, tag);
+  prediction.join_independently(belief.p0, belief.p1);
+}
+
+void HybridBernoulliFilter::Parts::predict() {
+  prediction.predict(belief, spare);
+  std::swap(belief, spare);
+}
+
+StepOutcome HybridBernoulliFilter::Parts::correct() {
+  StepOutcome outcome = StepOutcome::kOk;
+  candidates = 0;
+  const auto& nodes = packets.nodes();
+  const bool has_packets = std::any_of(nodes.begin(), nodes.end(),
+                                       [](const PacketNode& node) { return node.count() > 0; });
+  for (const PacketNode& node : nodes) {
+    // A step without packets still prunes and merges.
+    const bool is_due = has_packets ? node.count() > 0 : &node == &nodes.front();
+    if (!is_due && !options.delivery_prior) continue;
+    const StepOutcome of_node = correction.correct(belief, node, spare, packet_probability);
+    if (of_node != StepOutcome::kOk) outcome = of_node;
+    candidates += static_cast<std::int64_t>(correction.num_candidates());
+    if (has_packets || options.delivery_prior) {
+      belief.log_r = spare.log_r;
+      belief.log_not_r = spare.log_not_r;
+    }
+    reduction.reduce(spare.p0, belief.p0);
+    reduction.reduce(spare.p1, belief.p1);
+  }
+  return outcome;
+}
+
+HybridBernoulliFilter::HybridBernoulliFilter(const SystemModel& model,
+                                             const HybridBernoulliOptions& options,
+                                             std::vector<std::vector<int>> rows)
+    : parts_(std::make_unique<Parts>(model, checked(model, options), rows)) {
+  parts_->start();
+}
+
+HybridBernoulliFilter::~HybridBernoulliFilter() = default;
+
+const Estimate& HybridBernoulliFilter::step(std::int64_t step, const MeasurementSet& measurements,
+                                            const Eigen::VectorXd& /*known_input*/) {
+  Parts& parts = *parts_;
+  if (!parts.is_predicted) parts.predict();
+  parts.is_predicted = false;
+  const int refused = parts.packets.read(measurements);
+  parts.refused += refused;
+  parts.packet_probability.assign(measurements.packets.size(), 0.0);
+  const StepOutcome outcome = parts.correct();
+  const bool has_none = refused == static_cast<int>(measurements.packets.size());
+  const StepOutcome told = outcome != StepOutcome::kOk ? outcome
+                           : refused > 0               ? StepOutcome::kRefusedInput
+                           : has_none                  ? StepOutcome::kNoPackets
+                                                       : StepOutcome::kOk;
+  return parts.output.write(step, told, measurements, parts.packet_probability, parts.belief);
+}
+
+const HybridBernoulliBelief& HybridBernoulliFilter::belief() const {
+  return parts_->belief;
+}
+
+const HybridBernoulliLayout& HybridBernoulliFilter::layout() const {
+  return parts_->layout;
+}
+
+void HybridBernoulliFilter::set_belief(const HybridBernoulliBelief& belief, bool as_predicted) {
+  const HybridBernoulliLayout& layout = parts_->layout;
+  if (belief.p0.dimension() != layout.dimension0() || belief.p0.size() == 0 ||
+      belief.p1.dimension() != layout.dimension1() || belief.p1.size() == 0) {
+    throw UsageError("hybrid Bernoulli filter: the belief does not fit the layout");
+  }
+  parts_->belief = belief;
+  parts_->is_predicted = as_predicted;
+}
+
+double HybridBernoulliFilter::delivery_probability() const {
+  if (!parts_->options.delivery_prior) return parts_->options.delivery_probability;
+  const auto mean_of = [](const GaussianMixture& mixture) {
+    double mean = 0.0, sum = 0.0;
+    for (int j = 0; j < mixture.size(); ++j) {
+      const ComponentTag& tag = mixture.tag(j);
+      mean += mixture.weight(j) * tag.delivered / (tag.delivered + tag.lost);
+      sum += mixture.weight(j);
+    }
+    return mean / sum;
+  };
+  const double r = attack_probability();
+  return (1.0 - r) * mean_of(p0()) + r * mean_of(p1());
+}
+
+std::int64_t HybridBernoulliFilter::num_candidates() const {
+  return parts_->candidates;
+}
+
+std::int64_t HybridBernoulliFilter::refused_packets() const {
+  return parts_->refused;
+}
+
+}  // namespace holdfast
