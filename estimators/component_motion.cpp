@@ -86,7 +86,7 @@ void ComponentMotion::move_linearly(const double* mean, const double* covariance
     std::copy_n(next_.data(), num_states_, next_mean);
     if (signal == Signal::kKept) std::copy_n(a_.data(), num_channels_, next_mean + num_states_);
   }
-  if (next_covariance == nullptr) return;
+  if (covariance == nullptr) return;
   product_.resize(static_cast<std::size_t>(rows * width));
   padded::multiply(F_.data(), own_width, rows, inner, covariance, width, product_.data());
   for (int i = 0; i < rows; ++i) {
@@ -115,7 +115,6 @@ void ComponentMotion::move_points(const double* mean, const double* covariance, 
     if (signal == Signal::kKept) std::copy_n(a_.data(), num_channels_, moved + num_states_);
     for (int j = 0; j < rows; ++j) next_mean[j] += points_.weight(i) * moved[j];
   }
-  if (next_covariance == nullptr) return;
   std::fill_n(next_covariance, rows * next_width, 0.0);
   for (int i = 0; i < points_.count(); ++i) {
     double* const moved = moved_.data() + i * next_width;
