@@ -16,6 +16,8 @@ struct GridAxis {
 
 /// Fine and wide enough for the scalar cases: the routes agree to 1e-9.
 inline constexpr GridAxis kAxisX{-9.0, 0.3, 65}, kAxisA{-7.6, 0.4, 40};
+/// For two channels at once: to 1e-7.
+inline constexpr GridAxis kCoarseAxisA{-6.6, 0.47, 29};
 
 /// The exact hybrid Bernoulli recursion for a scalar state, by integration on a grid.
 ///

@@ -131,7 +131,7 @@ double disagreement(const LawPosterior& a, const LawPosterior& b) {
     compare(a.mean_before, b.mean_before);
     compare(a.square_before, b.square_before);
   }
-  compare_lists(a.attack_probability, b.attack_probability);
+  if (a.r > 0.0 && b.r > 0.0) compare_lists(a.attack_probability, b.attack_probability);
   compare_lists(a.packet_probability, b.packet_probability);
   compare_lists({a.delivery_probability}, {b.delivery_probability});
   return worst;
