@@ -18,8 +18,8 @@ HybridBernoulliCorrection::HybridBernoulliCorrection(const SystemModel& model,
                                                      const HybridBernoulliLayout& layout,
                                                      const std::vector<std::vector<int>>& rows)
     : options_(options),
-      correction0_(model, options, rows, false),
-      correction1_(model, options, rows, !layout.is_delayed) {}
+      correction0_(model, options, layout, rows, false),
+      correction1_(model, options, layout, rows, true) {}
 
 StepOutcome HybridBernoulliCorrection::correct(const HybridBernoulliBelief& belief,
                                                const PacketNode& node,

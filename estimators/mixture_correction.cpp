@@ -16,11 +16,18 @@ constexpr double kImpossible = -std::numeric_limits<double>::infinity();
 
 MixtureCorrection::MixtureCorrection(const SystemModel& model,
                                      const HybridBernoulliOptions& options,
-                                     const std::vector<std::vector<int>>& rows,
-                                     bool observes_signal)
-    : estimates_delivery_(options.delivery_prior.has_value()) {
+                                     const HybridBernoulliLayout& layout,
+                                     const std::vector<std::vector<int>>& rows, bool is_attack)
+    : estimates_delivery_(options.delivery_prior.has_value()),
+      flat_log_density_(options.flat_log_density) {
+  using InputPrior = HybridBernoulliOptions::InputPrior;
   for (const std::vector<int>& own : rows) {
-    sources_.emplace_back(ComponentObservation(model, own, observes_signal, options.update));
+    sources_.emplace_back(
+        ComponentObservation(model, own, is_attack && !layout.is_delayed, options.update));
+    if (is_attack && options.input_prior != InputPrior::kGaussian) {
+      sources_.back().flat.emplace(model, own, layout.is_delayed);
+      weighs_flat_ = options.input_prior == InputPrior::kFlat;
+    }
   }
 }
 
@@ -61,6 +68,7 @@ void MixtureCorrection::weigh_source(const SourcePackets& packets, std::size_t f
   source.residuals = source.W + static_cast<std::size_t>(rows * mixture_->width());
   source.factor_size = source.residuals + static_cast<std::size_t>(rows * packets.width);
   source.factors.clear();
+  source.has_flat_factor.clear();
   source.storage.clear();
   source.factor_of.assign(
       static_cast<std::size_t>(std::max(mixture_->num_covariances(), mixture_->size())), -1);
@@ -71,7 +79,11 @@ void MixtureCorrection::weigh_source(const SourcePackets& packets, std::size_t f
     const bool is_first = place < 0;
     if (is_first) {
       place = static_cast<int>(source.factors.size());
-      make_factor(source, packets, j);
+      if (weighs_flat_) {
+        make_flat_factor(source, packets, j);
+      } else {
+        make_factor(source, packets, j);
+      }
     }
     const Factor& factor = source.factors[static_cast<std::size_t>(place)];
     if (!factor.is_valid) {
@@ -125,13 +137,67 @@ void MixtureCorrection::make_factor(Source& source, const SourcePackets& packets
   padded::solve_transposed(U, source.width, rows, reciprocals, residuals, packets.width);
 }
 
+void MixtureCorrection::make_flat_factor(Source& source, const SourcePackets& packets,
+                                         int component) {
+  source.factors.emplace_back();
+  Factor& made = source.factors.back();
+  made.start = source.storage.size();
+  source.storage.resize(made.start + source.factor_size);
+  const FlatSignalUpdate::Factor& flat = flat_factor(source, component);
+  made.is_valid = flat.is_valid;
+  if (!made.is_valid) return;
+  made.log_norm = flat.log_norm + flat_log_density_;
+  const int rows = source.observation.size();
+  double* const y = source.storage.data() + made.start;
+  source.flat->predict(mixture_->mean_data(component), Eigen::Map<Eigen::VectorXd>(y, rows));
+  Eigen::Map<GaussianMixture::RowMajor> residuals(y + source.residuals, rows, packets.width);
+  residuals = Eigen::Map<const GaussianMixture::RowMajor>(packets.Y.data(), rows, packets.width);
+  residuals.colwise() -= Eigen::Map<const Eigen::VectorXd>(y, rows);
+  source.flat->project(flat, residuals);
+}
+
+// The factor of the component's covariance, made when first asked for.
+const FlatSignalUpdate::Factor& MixtureCorrection::flat_factor(Source& source, int component) {
+  const auto place = static_cast<std::size_t>(source.factor_of[shared_index(source, component)]);
+  if (source.has_flat_factor.size() < source.factors.size()) {
+    source.has_flat_factor.resize(source.factors.size(), 0);
+  }
+  if (source.flat_factors.size() < source.factors.size()) {
+    source.flat_factors.resize(source.factors.size());
+  }
+  if (source.has_flat_factor[place] == 0) {
+    source.has_flat_factor[place] = 1;
+    source.flat->factorise(mixture_->covariance(component), source.flat_factors[place]);
+  }
+  return source.flat_factors[place];
+}
+
+void MixtureCorrection::correct_flat(Source& source, const SourcePackets& packets, int component,
+                                     std::size_t column, double* mean) {
+  const int rows = source.observation.size();
+  flat_residual_.resize(rows);
+  source.flat->predict(mixture_->mean_data(component), flat_residual_);
+  for (int i = 0; i < rows; ++i) {
+    flat_residual_[i] =
+        packets.Y[static_cast<std::size_t>(i * packets.width) + column] - flat_residual_[i];
+  }
+  source.flat->correct(flat_factor(source, component), mixture_->mean_data(component),
+                       flat_residual_, mean);
+}
+
 void MixtureCorrection::whiten_offset(Source& source, const Factor& factor, int component) {
   const double* const y = source.storage.data() + factor.start;
   double* const offset = source.offsets.data() + component * source.width;
+  const int rows = source.observation.size();
+  if (weighs_flat_) {
+    source.flat->predict(mixture_->mean_data(component), Eigen::Map<Eigen::VectorXd>(offset, rows));
+    for (int i = 0; i < rows; ++i) offset[i] -= y[i];
+    Eigen::Map<GaussianMixture::RowMajor> column(offset, rows, 1);
+    return source.flat->project(flat_factor(source, component), column);
+  }
   source.observation.predict(mixture_->mean_data(component), offset);
-  for (int i = 0; i < source.observation.size(); ++i) offset[i] -= y[i];
-  padded::solve_transposed(y + source.U, source.width, source.observation.size(),
-                           y + source.reciprocals, offset);
+  for (int i = 0; i < rows; ++i) offset[i] -= y[i];
+  padded::solve_transposed(y + source.U, source.width, rows, y + source.reciprocals, offset);
 }
 
 void MixtureCorrection::add_shares(double log_scale, std::span<double> shares) const {
@@ -183,6 +249,8 @@ void MixtureCorrection::build_updated(int component, std::size_t packet, double 
   Source& source = sources_[static_cast<std::size_t>(packets.source)];
   const int covariance = posterior_covariance(source, component, corrected);
   const int made = corrected.add(log_weight, covariance, child_tag(component, true));
+  double* const mean = corrected.mean_data(made);
+  if (source.flat) return correct_flat(source, packets, component, column, mean);
   const auto place = static_cast<std::size_t>(source.factor_of[shared_index(source, component)]);
   const double* const numbers = source.storage.data() + source.factors[place].start;
   const int rows = source.observation.size(), width = mixture_->width();
@@ -192,7 +260,6 @@ void MixtureCorrection::build_updated(int component, std::size_t packet, double 
         numbers[source.residuals + static_cast<std::size_t>(i * packets.width) + column] -
         source.offsets[static_cast<std::size_t>(component * source.width + i)];
   }
-  double* const mean = corrected.mean_data(made);
   std::copy_n(mixture_->mean_data(component), width, mean);
   padded::add_combination(1.0, residual_.data(), 1, rows, numbers + source.W, width, mean, width);
 }
@@ -205,6 +272,11 @@ int MixtureCorrection::posterior_covariance(Source& source, int component,
   factor.posterior = corrected.add_covariance();
   double* const P = corrected.covariance_data(factor.posterior);
   const int dimension = mixture_->dimension(), width = mixture_->width();
+  if (source.flat) {
+    GaussianMixture::Covariance(P, dimension, dimension, Eigen::OuterStride<>(width)) =
+        flat_factor(source, component).covariance;
+    return factor.posterior;
+  }
   std::copy_n(mixture_->covariance_data(mixture_->covariance_index(component)), dimension * width,
               P);
   padded::subtract_gram(source.storage.data() + factor.start + source.W, source.observation.size(),

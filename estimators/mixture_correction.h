@@ -1,11 +1,14 @@
 #pragma once
 
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "estimators/component_observation.h"
+#include "estimators/flat_signal_update.h"
 #include "estimators/gaussian_mixture.h"
+#include "estimators/hybrid_bernoulli_belief.h"
 #include "estimators/hybrid_bernoulli_options.h"
 #include "estimators/hybrid_bernoulli_packets.h"
 #include "estimators/padded_matrix.h"
@@ -27,13 +30,17 @@ struct CorrectionRule {
 /// T:
 ///   log q = -(e'e + l log 2 pi) / 2 - log |U|,   mean = m + W'e,   covariance = P - W'W.
 ///
+/// Without a prior of the signal (flat), or with one for the weights only (paper), the update of p1
+/// is FlatSignalUpdate's.
+///
 /// U, W and the whitened packets are made once for all components that share a covariance. Child
 /// (j, c) has index j (N + 1) + c: c = 0 no packet authentic, c = 1..N packet c - 1.
 class MixtureCorrection {
  public:
-  /// rows: of each source; observes_signal: for p1 with direct feedthrough.
+  /// rows: of each source. Throws UsageError when a prior is needed.
   MixtureCorrection(const SystemModel& model, const HybridBernoulliOptions& options,
-                    const std::vector<std::vector<int>>& rows, bool observes_signal);
+                    const HybridBernoulliLayout& layout, const std::vector<std::vector<int>>& rows,
+                    bool is_attack);
 
   /// Weighs every child; the logarithm of their sum. The mixture must stay as it is until build().
   double weigh(const GaussianMixture& mixture, const PacketNode& node, const CorrectionRule& rule);
@@ -65,12 +72,19 @@ class MixtureCorrection {
     std::vector<int> factor_of;  // per covariance, or per component of a nonlinear model
     std::vector<double>
         storage;  // y_pred of the first component, 1 / U_ii, U, W, U'^-1 (Y - y_pred)
+    std::optional<FlatSignalUpdate> flat;
+    std::vector<FlatSignalUpdate::Factor> flat_factors;  // beside factors
+    std::vector<char> has_flat_factor;
     std::vector<double> offsets;  // per component, U'^-1 (y_pred - that of the first)
   };
 
   std::size_t shared_index(const Source& source, int component) const;
   void weigh_source(const SourcePackets& packets, std::size_t first, const CorrectionRule& rule);
   void make_factor(Source& source, const SourcePackets& packets, int component);
+  void make_flat_factor(Source& source, const SourcePackets& packets, int component);
+  const FlatSignalUpdate::Factor& flat_factor(Source& source, int component);
+  void correct_flat(Source& source, const SourcePackets& packets, int component, std::size_t column,
+                    double* mean);
   void whiten_offset(Source& source, const Factor& factor, int component);
   int posterior_covariance(Source& source, int component, GaussianMixture& corrected);
   void build_updated(int component, std::size_t packet, double log_weight,
@@ -81,12 +95,15 @@ class MixtureCorrection {
   ComponentTag child_tag(int component, bool is_delivered) const;
 
   bool estimates_delivery_;
+  bool weighs_flat_ = false;
+  double flat_log_density_;
   std::vector<Source> sources_;
   const GaussianMixture* mixture_ = nullptr;
   const PacketNode* node_ = nullptr;
   bool none_is_delivered_ = false;
   std::size_t children_per_component_ = 1;
   std::vector<double> log_weights_, squares_, residual_;
+  Eigen::VectorXd flat_residual_;
   std::vector<int> kept_covariances_;  // per covariance, its copy in the corrected mixture
   int num_failures_ = 0;
 };
