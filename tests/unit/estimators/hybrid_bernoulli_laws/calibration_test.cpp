@@ -16,7 +16,6 @@ using namespace holdfast::testing;
 
 namespace {
 
-constexpr auto kInjection = CorrectionLaw::kInjection, kSubstitution = CorrectionLaw::kSubstitution;
 constexpr int kNumSteps = 20, kMostPackets = 3;
 // Two-sided 1e-4 of a normal distribution; of a mean over runs, which are independent.
 constexpr double kBound = 3.9;

@@ -22,22 +22,10 @@ double grid_disagreement(const LawCase& law, const LawCase& assumed,
     const LawPosterior expected = grid.step(step);
     CHECK(expected.r > 0.02);
     CHECK(expected.r < 0.98);
-    worst = std::max(worst, disagreement(filter.step(step), expected));
+    worst = worse(worst, disagreement(filter.step(step), expected));
   }
   return worst;
 }
-
-double enumeration_disagreement(const LawCase& law, const FilterRoute::Change& change = {}) {
-  FilterRoute filter(law, change);
-  double worst = 0.0;
-  for (std::size_t k = 0; k < law.steps.size(); ++k) {
-    worst =
-        std::max(worst, disagreement(filter.step(law.steps[k]), enumerate_sequences(law, k + 1)));
-  }
-  return worst;
-}
-
-constexpr auto kInjection = CorrectionLaw::kInjection, kSubstitution = CorrectionLaw::kSubstitution;
 
 }  // namespace
 

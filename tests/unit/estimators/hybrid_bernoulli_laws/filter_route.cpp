@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "tests/unit/estimators/hybrid_bernoulli_laws/sequence_enumeration.h"
+
 namespace holdfast::testing {
 namespace {
 
@@ -11,8 +13,8 @@ HybridBernoulliOptions::Correction correction_of(const LawCase& law) {
     return std::all_of(law.steps.begin(), law.steps.end(),
                        [&](const LawStep& step) { return step.correction == correction; });
   };
-  if (is(CorrectionLaw::kInjection)) return HybridBernoulliOptions::Correction::kInjection;
-  if (is(CorrectionLaw::kSubstitution)) return HybridBernoulliOptions::Correction::kSubstitution;
+  if (is(kInjection)) return HybridBernoulliOptions::Correction::kInjection;
+  if (is(kSubstitution)) return HybridBernoulliOptions::Correction::kSubstitution;
   return HybridBernoulliOptions::Correction::kAuto;
 }
 
@@ -20,27 +22,6 @@ HybridBernoulliOptions changed(HybridBernoulliOptions options, const FilterRoute
   if (change) change(options);
   return options;
 }
-
-// Raw moments of some variables, over part of a mixture.
-struct Moments {
-  double weight = 0.0;
-  Eigen::VectorXd mean;
-  Eigen::MatrixXd square;
-
-  explicit Moments(Eigen::Index size)
-      : mean(Eigen::VectorXd::Zero(size)), square(Eigen::MatrixXd::Zero(size, size)) {}
-  void add(const GaussianMixture& mixture, int j, double factor, Eigen::Index first) {
-    const Eigen::Index size = mean.size();
-    const double mass = factor * mixture.weight(j);
-    const Eigen::VectorXd part = mixture.mean(j).segment(first, size);
-    weight += mass;
-    mean += mass * part;
-    square +=
-        mass * (mixture.covariance(j).block(first, first, size, size) + part * part.transpose());
-  }
-};
-
-}  // namespace
 
 HybridBernoulliOptions options_of(const LawCase& law) {
   HybridBernoulliOptions options;
@@ -78,6 +59,27 @@ HybridBernoulliOptions options_of(const LawCase& law) {
   options.components_max = 1 << 20;
   return options;
 }
+
+// Raw moments of some variables, over part of a mixture.
+struct Moments {
+  double weight = 0.0;
+  Eigen::VectorXd mean;
+  Eigen::MatrixXd square;
+
+  explicit Moments(Eigen::Index size)
+      : mean(Eigen::VectorXd::Zero(size)), square(Eigen::MatrixXd::Zero(size, size)) {}
+  void add(const GaussianMixture& mixture, int j, double factor, Eigen::Index first) {
+    const Eigen::Index size = mean.size();
+    const double mass = factor * mixture.weight(j);
+    const Eigen::VectorXd part = mixture.mean(j).segment(first, size);
+    weight += mass;
+    mean += mass * part;
+    square +=
+        mass * (mixture.covariance(j).block(first, first, size, size) + part * part.transpose());
+  }
+};
+
+}  // namespace
 
 FilterRoute::FilterRoute(const LawCase& law, const Change& change)
     : num_attacks_(law.attacks.size()),
@@ -128,6 +130,15 @@ LawPosterior FilterRoute::posterior() const {
   result.packet_probability = estimate_->packet_probability;
   result.delivery_probability = filter_.delivery_probability();
   return result;
+}
+
+double enumeration_disagreement(const LawCase& law) {
+  FilterRoute filter(law);
+  double worst = 0.0;
+  for (std::size_t k = 0; k < law.steps.size(); ++k) {
+    worst = worse(worst, disagreement(filter.step(law.steps[k]), enumerate_sequences(law, k + 1)));
+  }
+  return worst;
 }
 
 }  // namespace holdfast::testing

@@ -30,7 +30,7 @@ class FilterRoute {
   const Estimate* estimate_ = nullptr;
 };
 
-/// The options of that.
-HybridBernoulliOptions options_of(const LawCase& law);
+/// The filter without reduction against enumerate_sequences(), the worst step of the case.
+double enumeration_disagreement(const LawCase& law);
 
 }  // namespace holdfast::testing

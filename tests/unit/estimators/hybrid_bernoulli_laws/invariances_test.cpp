@@ -14,8 +14,6 @@ using namespace holdfast::testing;
 
 namespace {
 
-constexpr auto kInjection = CorrectionLaw::kInjection, kSubstitution = CorrectionLaw::kSubstitution;
-
 // Reduction as scenarios use it.
 void reduce(HybridBernoulliOptions& options) {
   options.prune_below = 1e-4;

@@ -68,7 +68,7 @@ double fake_density(const LawCase& law, const LawPacket& packet) {
 }
 
 std::vector<Association> associations(const LawCase& law, const LawStep& step) {
-  if (step.correction == CorrectionLaw::kSubstitution) return substitution_associations(law, step);
+  if (step.correction == kSubstitution) return substitution_associations(law, step);
   std::vector<Association> all = {{}};
   const std::vector<std::size_t> node_of_source = nodes(law);
   for (std::size_t node = 0; node < law.rows.size(); ++node) {
@@ -102,16 +102,22 @@ std::vector<Association> associations(const LawCase& law, const LawStep& step) {
   return all;
 }
 
+double worse(double a, double b) {
+  return std::isnan(a) || a >= b ? a : b;
+}
+
+double difference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  if (a.rows() != b.rows() || a.cols() != b.cols()) return std::numeric_limits<double>::infinity();
+  if (a.size() == 0) return 0.0;
+  const double scale = std::max({1.0, a.cwiseAbs().maxCoeff(), b.cwiseAbs().maxCoeff()});
+  // The sum is NaN when any number is; a maximum may not be.
+  return (a - b).cwiseAbs().maxCoeff() / scale + 0.0 * (a - b).sum();
+}
+
 double disagreement(const LawPosterior& a, const LawPosterior& b) {
   double worst = std::abs(a.r - b.r);
   const auto compare = [&worst](const Eigen::MatrixXd& p, const Eigen::MatrixXd& q) {
-    if (p.size() != q.size()) {
-      worst = std::numeric_limits<double>::infinity();
-    } else if (p.size() > 0) {
-      const double scale = std::max(1.0, p.cwiseAbs().maxCoeff());
-      const double difference = (p - q).cwiseAbs().maxCoeff() / scale;
-      worst = difference <= worst ? worst : difference;  // takes a NaN, too
-    }
+    worst = worse(worst, difference(p, q));
   };
   const auto compare_lists = [&](const std::vector<double>& p, const std::vector<double>& q) {
     if (p.empty() || q.empty()) return;

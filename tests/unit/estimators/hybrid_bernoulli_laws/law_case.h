@@ -22,6 +22,8 @@ struct AttackLaw {
 };
 
 enum class CorrectionLaw { kInjection, kSubstitution };
+inline constexpr auto kInjection = CorrectionLaw::kInjection;
+inline constexpr auto kSubstitution = CorrectionLaw::kSubstitution;
 
 /// Density of fakes outside the box: as inside, a small part of it, or 0 (then a packet out there
 /// is certainly authentic; of several, each equally).
@@ -34,7 +36,7 @@ struct LawPacket {
 
 /// What arrives at one step, and which of the two data attacks may have touched it.
 struct LawStep {
-  CorrectionLaw correction = CorrectionLaw::kInjection;
+  CorrectionLaw correction = kInjection;
   std::vector<LawPacket> packets;
 };
 
@@ -87,8 +89,15 @@ struct LawPosterior {
   Eigen::MatrixXd covariance1() const { return square1 - mean1 * mean1.transpose(); }
 };
 
-/// Largest difference of r, of means and covariances (over their scale when that is above 1) and of
-/// the probabilities that both have; NaN when something is NaN.
+/// The larger one; NaN when either is.
+double worse(double a, double b);
+
+/// Largest difference of two matrices, over the scale of either when that is above 1; infinite when
+/// their sizes differ, NaN when something is NaN.
+double difference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b);
+
+/// Largest difference of r, of means and covariances (over their scale) and of the probabilities
+/// that both have; NaN when something is NaN.
 double disagreement(const LawPosterior& a, const LawPosterior& b);
 
 /// Is any value out of the box of fake packets?

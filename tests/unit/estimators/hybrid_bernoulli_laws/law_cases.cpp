@@ -70,7 +70,7 @@ LawCase scalar_case(bool is_direct, CorrectionLaw correction) {
                {correction, {}},
                {correction, {packet(2.1, 0.2)}},
                {correction, {packet(0.9, -0.7), packet(1.6, 1.1)}}};
-  if (correction == CorrectionLaw::kSubstitution) {
+  if (correction == kSubstitution) {
     law.steps[0].packets.pop_back();
     law.steps[3].packets.pop_back();
   }
@@ -100,21 +100,21 @@ LawCase unknown_delivery_case(bool is_direct, CorrectionLaw correction) {
 }
 
 LawCase partial_packets_case(bool is_direct) {
-  LawCase law = scalar_case(is_direct, CorrectionLaw::kInjection);
+  LawCase law = scalar_case(is_direct, kInjection);
   law.rows = {{0}, {1}};
   law.model.R = Eigen::Vector2d(0.4, 0.5).asDiagonal();
   const auto packet = [](double value, int source) {
     return LawPacket{Eigen::VectorXd::Constant(1, value), source};
   };
-  law.steps = {{CorrectionLaw::kInjection, {packet(1.3, 0), packet(0.6, 1), packet(-0.4, 0)}},
-               {CorrectionLaw::kInjection, {}},
-               {CorrectionLaw::kInjection, {packet(2.1, 0)}},
-               {CorrectionLaw::kInjection, {packet(-0.7, 1), packet(1.1, 1), packet(0.9, 0)}}};
+  law.steps = {{kInjection, {packet(1.3, 0), packet(0.6, 1), packet(-0.4, 0)}},
+               {kInjection, {}},
+               {kInjection, {packet(2.1, 0)}},
+               {kInjection, {packet(-0.7, 1), packet(1.1, 1), packet(0.9, 0)}}};
   return law;
 }
 
 LawCase overlapping_sources_case(bool is_direct) {
-  LawCase law = scalar_case(is_direct, CorrectionLaw::kInjection);
+  LawCase law = scalar_case(is_direct, kInjection);
   law.rows = {{0, 1}, {1}};
   law.steps[0].packets.push_back({Eigen::VectorXd::Constant(1, 0.5), 1});
   law.steps[1].packets.push_back({Eigen::VectorXd::Constant(1, -0.2), 1});
@@ -122,7 +122,7 @@ LawCase overlapping_sources_case(bool is_direct) {
 }
 
 LawCase rank_deficient_case() {
-  LawCase law = scalar_case(true, CorrectionLaw::kInjection);
+  LawCase law = scalar_case(true, kInjection);
   law.model.G = (Eigen::MatrixXd(1, 2) << 0.7, 0.6).finished();
   law.model.H = (Eigen::MatrixXd(2, 2) << 0.5, 0.0, 0.9, 0.0).finished();
   make_rank_deficient(law);
@@ -176,7 +176,7 @@ void make_rank_deficient(LawCase& law) {
 }
 
 LawCase everything_case(bool is_direct) {
-  LawCase law = random_case(8, 2, 2, 3, is_direct, CorrectionLaw::kInjection, {2, 1, 2});
+  LawCase law = random_case(8, 2, 2, 3, is_direct, kInjection, {2, 1, 2});
   make_rank_deficient(law);
   law.model.R.row(2) << 0.0, 0.0, law.model.R(2, 2);
   law.model.R.col(2).head(2).setZero();

@@ -73,7 +73,7 @@ class Simulation {
 
   void send(int source, const Eigen::VectorXd& y, int most_packets, LawStep& step,
             LawTruth& truth) {
-    const bool is_injection = step.correction == CorrectionLaw::kInjection;
+    const bool is_injection = step.correction == kInjection;
     const int count = is_injection ? 1 + static_cast<int>(uniform() * most_packets) : 1;
     const bool is_there = uniform() < (is_injection ? law_.pd : 1.0 - law_.pf);
     const int place = is_there ? static_cast<int>(uniform() * count) : -1;

@@ -11,12 +11,6 @@ using namespace holdfast::testing;
 
 namespace {
 
-constexpr auto kInjection = CorrectionLaw::kInjection, kSubstitution = CorrectionLaw::kSubstitution;
-
-double difference(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
-  return (a - b).cwiseAbs().maxCoeff() / std::max(1.0, b.cwiseAbs().maxCoeff());
-}
-
 const std::vector<int> kOneEach(12, 1);
 
 }  // namespace

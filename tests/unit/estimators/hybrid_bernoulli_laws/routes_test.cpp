@@ -20,7 +20,7 @@ double worst_disagreement(const LawCase& law, const LawCase& other, const GridAx
     INFO("step " << k + 1 << ": " << here);
     CHECK(by_grid.r > 0.02);
     CHECK(by_grid.r < 0.98);
-    worst = std::max(worst, here);
+    worst = worse(worst, here);
   }
   return worst;
 }
@@ -29,7 +29,7 @@ double worst_disagreement(const LawCase& law, const LawCase& other, const GridAx
 
 TEST_CASE("integration on a grid and enumeration of all sequences agree") {
   const bool is_direct = GENERATE(true, false);
-  const auto correction = GENERATE(CorrectionLaw::kInjection, CorrectionLaw::kSubstitution);
+  const auto correction = GENERATE(kInjection, kSubstitution);
   LawCase law = scalar_case(is_direct, correction);
   CHECK(worst_disagreement(law, law) < 1e-9);
   LawCase other = law;
@@ -60,7 +60,7 @@ TEST_CASE("both routes agree where y shows one of two channels only") {
 
 TEST_CASE("when nothing arrives, enumeration leaves the predicted moments") {
   const bool is_direct = GENERATE(true, false);
-  LawCase law = two_attacks_case(is_direct, CorrectionLaw::kInjection);
+  LawCase law = two_attacks_case(is_direct, kInjection);
   law.steps.resize(1);
   law.steps.push_back({});
   CHECK(disagreement(enumerate_sequences(law, 2), predicted(law, enumerate_sequences(law, 1))) <
@@ -68,7 +68,7 @@ TEST_CASE("when nothing arrives, enumeration leaves the predicted moments") {
 }
 
 TEST_CASE("with one packet each and attack for sure, a vague prior of it gives least squares") {
-  LawCase law = random_case(2, 3, 2, 4, true, CorrectionLaw::kInjection, {1, 1, 1, 1});
+  LawCase law = random_case(2, 3, 2, 4, true, kInjection, {1, 1, 1, 1});
   law.ps = law.start_probability = law.pd = 1.0;
   law.attacks[0].terms[0].covariance = 1e7 * Eigen::Matrix2d::Identity();
   const GaussianState expected = least_squares(law);
