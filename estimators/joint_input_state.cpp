@@ -38,8 +38,8 @@ JointInputState::JointInputState(const SystemModel& model, const JointInputState
       inbox_(std::move(rows), model.num_measurements()),
       choice_(options.vector.packet, options.vector.gate_probability, inbox_),
       innovation_(model.num_measurements()),
-      input_score_(attack_prior_),
-      belief_(core_.make_input_belief()) {
+      belief_(core_.make_input_belief()),
+      input_score_(attack_prior_) {
   core_.join_input(options.start.gaussian(model.num_states()), belief_);
 }
 

@@ -55,8 +55,8 @@ class JointInputState : public Estimator {
   PacketInbox inbox_;
   PacketChoice choice_;
   InnovationRecord innovation_;
-  InputScore input_score_;
   Gaussian belief_;  // on z
+  InputScore input_score_;
   bool has_started_ = false;
   double score_ = 0.0;
   Estimate estimate_;

@@ -128,6 +128,7 @@ void KalmanCore::predict(Gaussian& belief) {
 }
 
 Gaussian KalmanCore::make_input_belief() const {
+  if (m_ == 0) throw UsageError("a method with an attack in its state needs a model with one");
   const Eigen::Index d = n_ + m_;
   return {Eigen::VectorXd::Zero(d), Eigen::MatrixXd::Zero(d, d)};
 }

@@ -54,7 +54,8 @@ class KalmanCore {
   /// predict_state, and for a belief on z join_input, in place.
   void predict(Gaussian& belief);
 
-  /// A belief on z of zeros, to join_input into.
+  /// A belief on z of zeros, to join_input into; throws UsageError when the model has no attack
+  /// channel.
   Gaussian make_input_belief() const;
   /// The input part of a belief on z, and its step: k, or k - 1 when delayed.
   void publish_input(const Gaussian& belief, std::int64_t step, Estimate& estimate) const;

@@ -88,6 +88,25 @@ TEST_CASE("storms and absurd values leave finite, positive beliefs that find bac
   }
 }
 
+TEST_CASE("a plant without attack channels is watched, but has no attack to find") {
+  const SystemModel model = small_model(true).with_attack_channels({});
+  KalmanFilterOptions kalman_options;
+  KalmanFilter kalman(model, kalman_options, kOneSource);
+  KalmanFilter with_channels(small_model(true), kalman_options, kOneSource);
+  ProbabilisticDataAssociationOptions association_options;
+  association_options.packet_box = {std::vector<double>(4, -5.0), std::vector<double>(4, 5.0)};
+  ProbabilisticDataAssociation association(model, association_options, kOneSource);
+  for (int k = 1; k <= 3; ++k) {
+    const MeasurementSet set = set_of(k, reading(k), kOneSource);
+    CHECK(kalman.step(k, set, kNoInput).mean == with_channels.step(k, set, kNoInput).mean);
+    CHECK(association.step(k, set, kNoInput).mean.allFinite());
+  }
+  CHECK_THROWS_AS(JointInputState(model, {}, kOneSource), UsageError);
+  InteractingMultipleModelOptions modes;
+  modes.packet_box = association_options.packet_box;
+  CHECK_THROWS_AS(InteractingMultipleModel(model, modes, kOneSource), UsageError);
+}
+
 TEST_CASE("linear functions instead of matrices change nothing") {
   for (const bool is_direct : {true, false}) {
     const SystemModel model = small_model(is_direct);
