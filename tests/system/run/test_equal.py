@@ -7,6 +7,18 @@ import harness
 from harness import RunTest, call, sets
 
 
+NETWORK_FILTERS = ("hybrid", "nearest", "joint")
+HYBRID = ("{name: hybrid, method: hybrid_bernoulli, attack_models: [{terms: [{std: 10}]}], start: {std: 0.1}, "
+          "packet_box: {low: -10, high: 5}}")
+# Forty steps do not reach the scenario's attack.
+EARLY_ATTACK = [part for channel in (0, 1)
+                for part in ("--set", f"plant.signal_attacks.{channel}.window.first_step=15")]
+
+
+def network_scenario(name):
+    return os.path.join(harness.SOURCE, "scenarios", f"{name}.yaml")
+
+
 def end(child):
     if child.poll() is None:
         child.kill()
@@ -14,8 +26,8 @@ def end(child):
 
 
 class EqualTest(RunTest):
-    def check(self, scenario):
-        small = sets(steps=40, period_s=0.005)
+    def check(self, scenario, names=("secure", "neglect"), extra=()):
+        small = [*sets(steps=40, period_s=0.005), *extra]
         run = self.start(*small, scenario=scenario)
         self.assert_succeeds(run.finish())
         self.assertEqual(run.review()["losses"]["sum"], 0)
@@ -24,26 +36,26 @@ class EqualTest(RunTest):
         self.assert_equal_logs(run.log, self.path("campaign.lcm"))
         self.assert_succeeds(call("estimator", "--log", run.log, "--out", self.path("replay.lcm")))
         self.assert_equal_logs(run.log, self.path("replay.lcm"))
-        self.play(run)
+        self.play(run, names)
         self.assert_equal_logs(run.log, self.path("played.lcm"))
 
         # Negative control: another seed is another run, and the comparison says so.
         self.assert_succeeds(call("campaign", scenario, *small, *sets(seed=2), "--log", self.path("other.lcm")))
         self.assertEqual(call("review", "--compare", run.log, self.path("other.lcm"))[0], 1)
 
-    def play(self, run):
+    def play(self, run, names):
         """Feeds fresh estimators with lcm-logplayer and records what they say.
 
         The test's own socket records: lcm-logger keeps a queue of 30 messages, which a slow machine overflows.
         """
         url = run.lcm_url
         estimators = []
-        for name in ("secure", "neglect"):
+        for name in names:
             estimators.append(subprocess.Popen([harness.program("estimator"), "--scenario",
                                                 os.path.join(run.folder, "scenario.yaml"), "--name", name,
                                                 "--lcm-url", url]))
             self.addCleanup(end, estimators[-1])
-        waiting = {"STATUS_SECURE", "STATUS_NEGLECT"}
+        waiting = {f"STATUS_{name.upper()}" for name in names}
         while waiting:
             message = run.link.receive(timeout_s=20 * harness.PATIENCE)
             self.assertIsNotNone(message, f"not ready: {waiting}")
@@ -52,7 +64,7 @@ class EqualTest(RunTest):
                                   stdout=subprocess.DEVNULL)
         self.addCleanup(end, player)
         recorded = []
-        while sum(channel.startswith("EST_") for channel, _ in recorded) < 80:
+        while sum(channel.startswith("EST_") for channel, _ in recorded) < 40 * len(names):
             message = run.link.receive(timeout_s=20 * harness.PATIENCE)
             self.assertIsNotNone(message, f"{len(recorded)} messages, then nothing")
             if message[0] == "RUN_META" or message[0].startswith("EST_"):
@@ -66,6 +78,17 @@ class EqualTest(RunTest):
 
     def test_radio_channel(self):
         self.check(os.path.join(harness.SOURCE, "scenarios", "binary_radio.yaml"))
+
+    def test_packet_injection(self):
+        self.check(network_scenario("ieee14"), NETWORK_FILTERS + ("mean", "association", "two_modes"), EARLY_ATTACK)
+
+    def test_packet_substitution(self):
+        self.check(network_scenario("ieee14_substitution"), NETWORK_FILTERS, EARLY_ATTACK)
+
+    def test_replayed_packets(self):
+        replay = "{distribution: replay, delay_steps: [2, 6]}"
+        self.check(network_scenario("ieee14"), ("hybrid",), (
+            *EARLY_ATTACK, *sets(attacks__injection__value=replay), "--set", f"estimators=[{HYBRID}]"))
 
     def test_without_a_bus_the_plant_publishes_what_an_unattacked_bus_would(self):
         calm = sets(steps=40, period_s=0.005, attacks="[]")

@@ -51,8 +51,8 @@ TEST_CASE("samples come from a file, stand in the resolved document, and end in 
   const testing::TemporaryFolder folder;
   std::ofstream(folder.file("a.txt")) << "# amplitude\n1.5\n\n -2e-1,\n3;\n";
   std::string resolved;
-  const Waveform waveform = waveform_of("{waveform: samples, file: a.txt, amplitude: 2}",
-                                        folder.file(""), &resolved);
+  const Waveform waveform =
+      waveform_of("{waveform: samples, file: a.txt, amplitude: 2}", folder.file(""), &resolved);
   CHECK(waveform.samples == std::vector<double>{1.5, -0.2, 3.0});
   CHECK(waveform.value(1, 1.0) == -0.4);
   CHECK(waveform.value(3, 1.0) == 0.0);

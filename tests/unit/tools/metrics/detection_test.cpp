@@ -56,6 +56,8 @@ TEST_CASE("rates and delays of hand-made runs") {
   const Metric& detected = metric(metrics, "attacks_detected");
   CHECK(detected.count == 4);
   CHECK(detected.value == 0.75);
+  // Of the four attacks, one is met in its first step.
+  CHECK(metric(metrics, "attacks_detected_at_once").value == 0.25);
   const Metric& delay = metric(metrics, "detection_delay");
   CHECK(delay.count == 3);
   CHECK(delay.value == Approx((2.0 + 0.0 + 3.0) / 3.0).epsilon(1e-15));

@@ -80,7 +80,8 @@ TEST_CASE("a verdict needs both: near enough, and errors small enough to mean it
   CHECK(compare_by_tenth({0.001, 0.0002}, {0.001, 0.0003}) == Verdict::kCannotTell);
   CHECK(compare({0.001, 0.0002}, {0.001, 0.0003}, 0.002) == Verdict::kAgrees);
   CHECK(compare({0.004, 0.0002}, {0.001, 0.0003}, 0.002) == Verdict::kDiffers);
-  CHECK(is_reference_too_wide({20.0, 0.451}, widest_band({20.0, 0.0})));  // 4 x 0.451 is more than 9 % of 20
+  CHECK(is_reference_too_wide({20.0, 0.451},
+                              widest_band({20.0, 0.0})));  // 4 x 0.451 is more than 9 % of 20
   CHECK_FALSE(is_reference_too_wide({20.0, 0.449}, widest_band({20.0, 0.0})));
   CHECK(verdict_text(Verdict::kAgrees, true) == "consistent with");
   CHECK(verdict_text(Verdict::kAgrees, false) == "reproduced");
