@@ -22,6 +22,8 @@ struct HypothesisEstimate {
   double probability = 0.0;
   Eigen::VectorXd mean;        // [n]
   Eigen::MatrixXd covariance;  // [n x n]
+  int num_components = 0;      // Gaussians of its mixture, after reduction; 0: no mixture
+  int num_candidates = 0;      // before pruning and merging
 };
 
 /// What an estimator says after one step. A field that a method does not give stays empty.

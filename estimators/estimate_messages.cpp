@@ -56,6 +56,8 @@ void to_message(const Estimate& estimate, estimate_t& message) {
     out.probability = in.probability;
     put(in.mean, out.num_states, out.mean);
     put(in.covariance, out.num_covariance, out.covariance);
+    out.num_components = in.num_components;
+    out.num_candidates = in.num_candidates;
   }
   if (estimate.packet_rx_index.size() != estimate.packet_probability.size()) {
     throw std::invalid_argument(
@@ -96,6 +98,8 @@ void from_message(const estimate_t& message, Estimate& estimate) {
     out.probability = in.probability;
     take(in.mean, out.mean);
     take(in.covariance, in.mean.size(), out.covariance);
+    out.num_components = in.num_components;
+    out.num_candidates = in.num_candidates;
   }
   estimate.packet_rx_index.assign(message.packet_rx_index.begin(), message.packet_rx_index.end());
   estimate.packet_probability = message.packet_probability;

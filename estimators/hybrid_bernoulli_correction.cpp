@@ -28,7 +28,6 @@ StepOutcome HybridBernoulliCorrection::correct(const HybridBernoulliBelief& beli
   make_rule(node);
   const double log_n0 = correction0_.weigh(belief.p0, node, rule_);
   const double log_n1 = correction1_.weigh(belief.p1, node, rule_);
-  num_candidates_ = correction0_.log_weights().size() + correction1_.log_weights().size();
   const std::array<double, 2> joint = {belief.log_not_r + log_n0, belief.log_r + log_n1};
   const double log_sum = log_sum_exp(joint);
   if (!std::isfinite(log_sum)) {

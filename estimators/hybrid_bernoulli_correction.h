@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -34,8 +35,10 @@ class HybridBernoulliCorrection {
   /// were lost.
   StepOutcome correct(const HybridBernoulliBelief& belief, const PacketNode& node,
                       HybridBernoulliBelief& corrected, std::span<double> packet_probability);
-  /// Children weighed in the last correct().
-  std::size_t num_candidates() const { return num_candidates_; }
+  /// Children of p0 and of p1 weighed in the last correct().
+  std::array<std::size_t, 2> num_candidates() const {
+    return {correction0_.log_weights().size(), correction1_.log_weights().size()};
+  }
 
  private:
   void make_rule(const PacketNode& node);
@@ -48,7 +51,6 @@ class HybridBernoulliCorrection {
   CorrectionRule rule_;
   std::vector<double> shares_;
   std::vector<int> kept_;
-  std::size_t num_candidates_ = 0;
 };
 
 }  // namespace holdfast

@@ -29,7 +29,8 @@ HybridBernoulliOutput::HybridBernoulliOutput(const HybridBernoulliOptions& optio
 const Estimate& HybridBernoulliOutput::write(std::int64_t step, StepOutcome outcome,
                                              const MeasurementSet& measurements,
                                              const std::vector<double>& packet_probability,
-                                             const HybridBernoulliBelief& belief) {
+                                             const HybridBernoulliBelief& belief,
+                                             const std::array<std::size_t, 2>& num_candidates) {
   estimate_.step = step;
   estimate_.utime = measurements.utime;
   estimate_.measurement_seq = measurements.seq;
@@ -41,6 +42,11 @@ const Estimate& HybridBernoulliOutput::write(std::int64_t step, StepOutcome outc
   }
   estimate_.packet_probability = packet_probability;
   write_state(belief);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const GaussianMixture& mixture = i == 0 ? belief.p0 : belief.p1;
+    estimate_.hypotheses[i].num_components = mixture.size();
+    estimate_.hypotheses[i].num_candidates = static_cast<int>(num_candidates[i]);
+  }
   write_signal(belief);
   if (!estimate_.mode_probability.empty()) write_models(belief.p1);
   estimate_.input_step = step - (layout_.is_delayed || layout_.has_memory ? 1 : 0);

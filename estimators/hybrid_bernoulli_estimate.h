@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "common/measurement_set.h"
@@ -16,7 +17,8 @@ class HybridBernoulliOutput {
 
   const Estimate& write(std::int64_t step, StepOutcome outcome, const MeasurementSet& measurements,
                         const std::vector<double>& packet_probability,
-                        const HybridBernoulliBelief& belief);
+                        const HybridBernoulliBelief& belief,
+                        const std::array<std::size_t, 2>& num_candidates);
 
  private:
   void write_state(const HybridBernoulliBelief& belief);

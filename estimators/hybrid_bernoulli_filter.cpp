@@ -2,6 +2,7 @@
 
 #include <Eigen/QR>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
@@ -69,7 +70,8 @@ struct HybridBernoulliFilter::Parts {
   HybridBernoulliBelief belief, spare;
   bool is_predicted = true;  // whether the belief is that before a correction
   std::vector<double> packet_probability;
-  std::int64_t refused = 0, candidates = 0;
+  std::int64_t refused = 0;
+  std::array<std::size_t, 2> candidates{};  // of p0 and p1 in the last step
 };
 
 void HybridBernoulliFilter::Parts::start() {
@@ -94,7 +96,7 @@ void HybridBernoulliFilter::Parts::predict() {
 
 StepOutcome HybridBernoulliFilter::Parts::correct() {
   StepOutcome outcome = StepOutcome::kOk;
-  candidates = 0;
+  candidates = {};
   const auto& nodes = packets.nodes();
   const bool has_packets = std::any_of(nodes.begin(), nodes.end(),
                                        [](const PacketNode& node) { return node.count() > 0; });
@@ -105,10 +107,10 @@ StepOutcome HybridBernoulliFilter::Parts::correct() {
     if (!is_due && !options.delivery_prior) continue;
     // Merging waits for the last node, unless too much is left for the next.
     const int size = std::max(belief.p0.size(), belief.p1.size());
-    if (candidates > 0 && size > options.components_max) reduce();
+    if (candidates[0] > 0 && size > options.components_max) reduce();
     const StepOutcome of_node = correction.correct(belief, node, spare, packet_probability);
     if (of_node != StepOutcome::kOk) outcome = of_node;
-    candidates += static_cast<std::int64_t>(correction.num_candidates());
+    for (std::size_t i = 0; i < 2; ++i) candidates[i] += correction.num_candidates()[i];
     std::swap(belief, spare);
   }
   reduce();
@@ -149,7 +151,8 @@ const Estimate& HybridBernoulliFilter::step(std::int64_t step, const Measurement
                            : refused > 0               ? StepOutcome::kRefusedInput
                            : has_none                  ? StepOutcome::kNoPackets
                                                        : StepOutcome::kOk;
-  return parts.output.write(step, told, measurements, parts.packet_probability, parts.belief);
+  return parts.output.write(step, told, measurements, parts.packet_probability, parts.belief,
+                            parts.candidates);
 }
 
 const HybridBernoulliBelief& HybridBernoulliFilter::belief() const {
@@ -186,7 +189,7 @@ double HybridBernoulliFilter::delivery_probability() const {
 }
 
 std::int64_t HybridBernoulliFilter::num_candidates() const {
-  return parts_->candidates;
+  return static_cast<std::int64_t>(parts_->candidates[0] + parts_->candidates[1]);
 }
 
 std::int64_t HybridBernoulliFilter::refused_packets() const {

@@ -235,15 +235,26 @@ class LogCollector {
       return;
     }
     sample->second = {
-        message.outcome,    message.attack_probability, message.input_step,
-        message.mean,       message.covariance,         message.mode_probability,
-        message.input_mean, message.innovation,         message.innovation_covariance};
+        message.outcome,     message.attack_probability, message.input_step,
+        message.mean,        message.covariance,         message.mode_probability,
+        message.input_mean,  message.innovation,         message.innovation_covariance,
+        mixtures_of(message)};
     for (std::size_t i = 0; i < message.packet_rx_index.size(); ++i) {
       const double posterior = message.packet_probability[i];
       if (posterior >= 0.0 && posterior <= 1.0) {
         estimator.packet_posteriors.emplace_back(message.packet_rx_index[i], posterior);
       }
     }
+  }
+
+  static std::vector<MixtureSize> mixtures_of(const estimate_t& message) {
+    constexpr std::size_t kMixturesMax = 4;
+    std::vector<MixtureSize> mixtures;
+    for (const hypothesis_t& hypothesis : message.hypotheses) {
+      if (hypothesis.num_components <= 0 || mixtures.size() == kMixturesMax) continue;
+      mixtures.push_back({hypothesis.name, hypothesis.num_components, hypothesis.num_candidates});
+    }
+    return mixtures;
   }
 
   LogTrace& trace_;

@@ -13,6 +13,12 @@
 
 namespace holdfast {
 
+/// Gaussians of one hypothesis, after and before reduction.
+struct MixtureSize {
+  std::string hypothesis;
+  std::int32_t num_components = 0, num_candidates = 0;
+};
+
 /// One estimate; what the method does not give stays empty or -1.
 struct Sample {
   std::int32_t outcome = 0;  // of estimate_t
@@ -20,6 +26,8 @@ struct Sample {
   std::int64_t input_step = -1;
   std::vector<double> mean, covariance, mode_probability, input_mean;
   std::vector<double> innovation, innovation_covariance;
+  /// Name and sizes of the mixtures of its hypotheses, the first few that have one.
+  std::vector<MixtureSize> mixtures;
 };
 
 /// Time of one step of an estimator.

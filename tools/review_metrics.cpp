@@ -41,6 +41,13 @@ void fill(const Sample& sample, bool has_truth, Estimate& estimate) {
   estimate.mode_probability = has_truth ? sample.mode_probability : std::vector<double>();
   estimate.input_step = sample.input_step;
   estimate.input_mean = vector_of(sample.input_mean);
+  estimate.hypotheses.clear();
+  for (const MixtureSize& mixture : sample.mixtures) {
+    HypothesisEstimate& hypothesis = estimate.hypotheses.emplace_back();
+    hypothesis.name = mixture.hypothesis;
+    hypothesis.num_components = mixture.num_components;
+    hypothesis.num_candidates = mixture.num_candidates;
+  }
   estimate.innovation = vector_of(sample.innovation);
   estimate.innovation_covariance =
       matrix_of(sample.innovation_covariance, sample.innovation.size());

@@ -21,6 +21,7 @@ void add_rmse(const MetricsInput& input, EstimatorMetrics& result);
 void add_consistency(const MetricsInput& input, EstimatorMetrics& result);
 void add_detection(const MetricsInput& input, EstimatorMetrics& result);
 void add_modes(const MetricsInput& input, EstimatorMetrics& result);
+void add_mixtures(const MetricsInput& input, EstimatorMetrics& result);
 void add_windows(const MetricsInput& input, EstimatorMetrics& result);
 
 /// Appends the metric unless it has no value.

@@ -85,6 +85,7 @@ EstimatorMetrics compute_metrics(const EstimatorRuns& runs, const MetricsOptions
   add_consistency(input, result);
   add_detection(input, result);
   add_modes(input, result);
+  add_mixtures(input, result);
   add_windows(input, result);
   return result;
 }

@@ -38,6 +38,23 @@ void count_run(std::size_t run, std::span<const double> mode, std::span<const do
 
 }  // namespace
 
+void add_mixtures(const MetricsInput& input, EstimatorMetrics& result) {
+  for (const auto& [name, matrix] : input.runs.curves) {
+    for (const std::string kind : {"components", "candidates"}) {
+      if (!name.starts_with(kind + ".")) continue;
+      const std::string hypothesis = name.substr(kind.size() + 1);
+      add_metric(result, kind + "_mean", hypothesis, "", mean_of(run_means(matrix)));
+      std::vector<double> largest;
+      for (std::size_t r = 0; r < matrix.num_runs(); ++r) {
+        double most = kNoValue;
+        for (const double count : matrix.run(r)) most = std::fmax(most, count);
+        largest.push_back(most);
+      }
+      add_metric(result, kind + "_largest", hypothesis, "", mean_of(largest));
+    }
+  }
+}
+
 void add_modes(const MetricsInput& input, EstimatorMetrics& result) {
   const RunMatrix* is_correct = input.find("mode_correct");
   if (is_correct == nullptr) return;

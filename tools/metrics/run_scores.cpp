@@ -11,6 +11,7 @@ namespace holdfast {
 namespace {
 
 constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
+constexpr std::size_t kMixturesMax = 4;
 
 }  // namespace
 
@@ -72,6 +73,24 @@ void RunScorer::take(const Estimate& estimate, const TrueStep& truth) {
     set(kAttackProbability, row, estimate.attack_probability);
   score_mode(row, estimate, truth.mode);
   score_attack_signal(estimate);
+  score_mixtures(row, estimate);
+}
+
+// Hypotheses have one order throughout a run; another name ends the row.
+void RunScorer::score_mixtures(std::size_t row, const Estimate& estimate) {
+  std::size_t place = 0;
+  for (const HypothesisEstimate& hypothesis : estimate.hypotheses) {
+    if (hypothesis.num_components <= 0) continue;
+    if (place == mixtures_.size()) {
+      if (place == kMixturesMax) return;
+      mixtures_.push_back({hypothesis.name, std::vector<double>(num_steps_, kNoValue),
+                           std::vector<double>(num_steps_, kNoValue)});
+    }
+    MixtureCurves& curves = mixtures_[place++];
+    if (curves.hypothesis != hypothesis.name) return;
+    curves.components[row] = static_cast<double>(hypothesis.num_components);
+    curves.candidates[row] = static_cast<double>(hypothesis.num_candidates);
+  }
 }
 
 void RunScorer::keep_attack_signal(std::size_t row, std::span<const double> signal) {
@@ -174,6 +193,10 @@ RunScores RunScorer::finish() {
     if (channel_errors_[i].empty()) continue;
     const std::string name = std::string(kNames[kAttackSignal]) + "." + std::to_string(i + 1);
     scores_.curves[name] = std::move(channel_errors_[i]);
+  }
+  for (MixtureCurves& mixture : mixtures_) {
+    scores_.curves["components." + mixture.hypothesis] = std::move(mixture.components);
+    scores_.curves["candidates." + mixture.hypothesis] = std::move(mixture.candidates);
   }
   for (std::size_t i = 1; i < outcomes_.size(); ++i) {
     if (outcomes_[i] > 0)

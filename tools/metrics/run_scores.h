@@ -53,6 +53,7 @@ struct ScoreHistogram {
 ///   mode_correct, mode    1 when the most probable mode is the true one, else 0; the true mode
 ///   attack_signal_squared_error   at the step to which the input estimate belongs; the sum over
 ///   the channels, and .1, .2, ... of each channel when there are several
+///   components.H, candidates.H    Gaussians of hypothesis H's mixture, after and before reduction
 /// A curve that has no value at all is left out.
 struct RunScores {
   std::map<std::string, std::vector<double>> curves;  // [num_steps] each
@@ -99,6 +100,7 @@ class RunScorer {
   void score_state(std::size_t row, const Estimate& estimate, std::span<const double> state);
   void score_mode(std::size_t row, const Estimate& estimate, int mode);
   void score_attack_signal(const Estimate& estimate);
+  void score_mixtures(std::size_t row, const Estimate& estimate);
   // x' M^-1 x; NaN unless M is positive definite and all is finite.
   double normalised_square(const Eigen::VectorXd& x, const Eigen::MatrixXd& M);
 
@@ -110,6 +112,11 @@ class RunScorer {
   std::size_t signal_rows_ = 0;
   std::vector<double> signals_;  // [num_steps][signal_rows_], NaN where not known
   std::vector<std::vector<double>> channel_errors_;  // by channel, when there are several
+  struct MixtureCurves {
+    std::string hypothesis;
+    std::vector<double> components, candidates;
+  };
+  std::vector<MixtureCurves> mixtures_;
   std::array<std::int64_t, 5> outcomes_{};
   Eigen::VectorXd error_;
   std::vector<double> work_;  // of normalised_square

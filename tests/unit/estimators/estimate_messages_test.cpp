@@ -24,7 +24,7 @@ Estimate full_estimate() {
   estimate.input_step = 6;
   estimate.input_mean = Eigen::Vector2d(0.5, -0.5);
   estimate.input_covariance = Eigen::Matrix2d::Identity();
-  estimate.hypotheses.push_back({"attack", 0.25, estimate.mean, estimate.covariance});
+  estimate.hypotheses.push_back({"attack", 0.25, estimate.mean, estimate.covariance, 3, 24});
   estimate.packet_rx_index = {100, 102};
   estimate.packet_probability = {0.9, 0.1};
   estimate.innovation = Eigen::Vector2d(0.125, 8.0);
@@ -62,6 +62,8 @@ TEST_CASE("an estimate survives the message, encoded and decoded") {
   REQUIRE(got.hypotheses.size() == 1);
   CHECK(got.hypotheses[0].name == "attack");
   CHECK(got.hypotheses[0].probability == 0.25);
+  CHECK(got.hypotheses[0].num_components == 3);
+  CHECK(got.hypotheses[0].num_candidates == 24);
   CHECK(got.hypotheses[0].mean == sent.mean);
   CHECK(got.hypotheses[0].covariance == sent.covariance);
   CHECK(got.packet_rx_index == sent.packet_rx_index);

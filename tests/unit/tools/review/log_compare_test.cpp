@@ -83,6 +83,8 @@ TEST_CASE("one bit in any field makes a difference with a name") {
   differs("mean[1]", [](estimate_t& e) { e.mean[1] = 0.0; });  // -0 is not 0
   const FieldDifference nan = differs("mean[1]", [](estimate_t& e) { e.mean[1] = std::nan(""); });
   CHECK(nan.value_b.find("nan") != std::string::npos);
+  differs("hypotheses[0].num_candidates",
+          [](estimate_t& e) { e.hypotheses[0].num_candidates = 7; });
   differs("hypotheses[0].mean[1]", [](estimate_t& e) { e.hypotheses[0].mean[1] = 3.0; });
   const FieldDifference name =
       differs("hypotheses[0].name", [](estimate_t& e) { e.hypotheses[0].name = "\x1b[2J"; });

@@ -1,0 +1,1 @@
+// Owner of the headers that tests have precompiled; see tests/CMakeLists.txt.
