@@ -57,6 +57,7 @@ struct HybridBernoulliFilter::Parts {
   void start();
   void predict();
   StepOutcome correct();
+  void reduce();
 
   HybridBernoulliOptions options;
   HybridBernoulliLayout layout;
@@ -97,21 +98,32 @@ StepOutcome HybridBernoulliFilter::Parts::correct() {
   const auto& nodes = packets.nodes();
   const bool has_packets = std::any_of(nodes.begin(), nodes.end(),
                                        [](const PacketNode& node) { return node.count() > 0; });
+  const double log_r = belief.log_r, log_not_r = belief.log_not_r;
   for (const PacketNode& node : nodes) {
-    // A step without packets still prunes and merges.
+    // A step without packets still prunes.
     const bool is_due = has_packets ? node.count() > 0 : &node == &nodes.front();
     if (!is_due && !options.delivery_prior) continue;
+    // Merging waits for the last node, unless too much is left for the next.
+    const int size = std::max(belief.p0.size(), belief.p1.size());
+    if (candidates > 0 && size > options.components_max) reduce();
     const StepOutcome of_node = correction.correct(belief, node, spare, packet_probability);
     if (of_node != StepOutcome::kOk) outcome = of_node;
     candidates += static_cast<std::int64_t>(correction.num_candidates());
-    if (has_packets || options.delivery_prior) {
-      belief.log_r = spare.log_r;
-      belief.log_not_r = spare.log_not_r;
-    }
-    reduction.reduce(spare.p0, belief.p0);
-    reduction.reduce(spare.p1, belief.p1);
+    std::swap(belief, spare);
+  }
+  reduce();
+  if (!has_packets && !options.delivery_prior) {
+    belief.log_r = log_r;
+    belief.log_not_r = log_not_r;
   }
   return outcome;
+}
+
+void HybridBernoulliFilter::Parts::reduce() {
+  reduction.reduce(belief.p0, spare.p0);
+  reduction.reduce(belief.p1, spare.p1);
+  std::swap(belief.p0, spare.p0);
+  std::swap(belief.p1, spare.p1);
 }
 
 HybridBernoulliFilter::HybridBernoulliFilter(const SystemModel& model,

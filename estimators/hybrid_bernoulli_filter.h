@@ -21,9 +21,9 @@ namespace holdfast {
 /// overlap, directly or in a chain, form one *node*; a node sends one authentic packet per step,
 /// of any of its sources, delivered with probability pd, and every other packet is false. Nodes
 /// are independent given the state: R has no correlation between them. They are corrected one
-/// after the other, in the order of their first source; a node without packets changes nothing
-/// (when pd is estimated it counts as a loss). A packet of an unknown source, of the wrong size or
-/// with a value that is not finite is refused and counted.
+/// after the other, in the order of their first source, and merging follows the last; a node
+/// without packets changes nothing (when pd is estimated it counts as a loss). A packet of an
+/// unknown source, of the wrong size or with a value that is not finite is refused and counted.
 ///
 /// Estimate: mean and covariance by options.state: kDominant, those of the heaviest component of p1
 /// when r > 0.5, else of p0 (the papers' estimate); kMean, of the whole mixture over both.
