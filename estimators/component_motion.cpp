@@ -89,11 +89,10 @@ void ComponentMotion::move_linearly(const double* mean, const double* covariance
   if (covariance == nullptr) return;
   product_.resize(static_cast<std::size_t>(rows * width));
   padded::multiply(F_.data(), own_width, rows, inner, covariance, width, product_.data());
+  padded::multiply_upper(product_.data(), width, rows, inner, F_transposed_.data(), own_width,
+                         next_covariance, next_width);
   for (int i = 0; i < rows; ++i) {
     double* const row = next_covariance + i * next_width;
-    std::fill_n(row, next_width, 0.0);
-    padded::add_combination(1.0, product_.data() + i * width, 1, inner, F_transposed_.data(),
-                            own_width, row, next_width);
     std::fill(row + rows, row + next_width, 0.0);
   }
   add_noise(next_covariance, next_width);

@@ -80,7 +80,7 @@ void ComponentObservation::predict(const double* mean, const double* covariance,
       for (int i = 0; i < size(); ++i) y[i] = y_[rows_[static_cast<std::size_t>(i)]];
     }
     padded::multiply(C_.data(), padded::width_of(inner_), size(), inner_, covariance, width, T);
-    padded::multiply(T, width, size(), inner_, C_transposed_.data(), own_width, S);
+    padded::multiply_upper(T, width, size(), inner_, C_transposed_.data(), own_width, S, own_width);
   }
   for (int i = 0; i < size() * own_width; ++i) S[i] += R_[static_cast<std::size_t>(i)];
 }

@@ -26,7 +26,8 @@ class ComponentObservation {
   int size() const { return static_cast<int>(rows_.size()); }
   /// The predicted measurement of a linear model; [size, padded].
   void predict(const double* mean, double* y) const;
-  /// All three; S has rows of the padded width of size(), T of the component's width.
+  /// All three; S is valid on and above its diagonal and has rows of the padded width of size(), T
+  /// of the component's width.
   void predict(const double* mean, const double* covariance, int width, int dimension, double* y,
                double* S, double* T);
 

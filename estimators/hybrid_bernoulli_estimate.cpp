@@ -106,10 +106,12 @@ void HybridBernoulliOutput::write_models(const GaussianMixture& p1) {
   std::fill(estimate_.mode_probability.begin(), estimate_.mode_probability.end(), 0.0);
   double sum = 0.0;
   for (int j = 0; j < p1.size(); ++j) {
+    if (p1.tag(j).attack_model < 0) continue;  // of a belief that was set
     const double weight = p1.weight(j);
     sum += weight;
     estimate_.mode_probability[static_cast<std::size_t>(p1.tag(j).attack_model)] += weight;
   }
+  if (sum <= 0.0) return;
   for (double& value : estimate_.mode_probability) value /= sum;
 }
 

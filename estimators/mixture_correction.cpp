@@ -69,7 +69,7 @@ void MixtureCorrection::weigh_source(const SourcePackets& packets, std::size_t f
   source.factor_size = source.residuals + static_cast<std::size_t>(rows * packets.width);
   source.factors.clear();
   source.has_flat_factor.clear();
-  source.storage.clear();
+  source.used = 0;
   source.factor_of.assign(
       static_cast<std::size_t>(std::max(mixture_->num_covariances(), mixture_->size())), -1);
   source.offsets.assign(static_cast<std::size_t>(mixture_->size() * width), 0.0);
@@ -109,13 +109,17 @@ void MixtureCorrection::weigh_source(const SourcePackets& packets, std::size_t f
   }
 }
 
+// Numbers of an earlier step are left in place: every one that is read is written first.
+MixtureCorrection::Factor& MixtureCorrection::add_factor(Source& source) {
+  source.factors.emplace_back().start = source.used;
+  source.used += source.factor_size;
+  if (source.storage.size() < source.used) source.storage.resize(source.used);
+  return source.factors.back();
+}
+
 // Whitens the packets about this component's prediction: no digits are lost to a common offset.
 void MixtureCorrection::make_factor(Source& source, const SourcePackets& packets, int component) {
-  Factor factor;
-  factor.start = source.storage.size();
-  source.storage.resize(factor.start + source.factor_size);
-  source.factors.push_back(factor);
-  Factor& made = source.factors.back();
+  Factor& made = add_factor(source);
   double* const y = source.storage.data() + made.start;
   double* const reciprocals = y + source.reciprocals;
   double* const U = y + source.U;
@@ -139,10 +143,7 @@ void MixtureCorrection::make_factor(Source& source, const SourcePackets& packets
 
 void MixtureCorrection::make_flat_factor(Source& source, const SourcePackets& packets,
                                          int component) {
-  source.factors.emplace_back();
-  Factor& made = source.factors.back();
-  made.start = source.storage.size();
-  source.storage.resize(made.start + source.factor_size);
+  Factor& made = add_factor(source);
   const FlatSignalUpdate::Factor& flat = flat_factor(source, component);
   made.is_valid = flat.is_valid;
   if (!made.is_valid) return;

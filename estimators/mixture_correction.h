@@ -70,6 +70,7 @@ class MixtureCorrection {
     std::size_t reciprocals = 0, U = 0, W = 0, residuals = 0, factor_size = 0;
     std::vector<Factor> factors;
     std::vector<int> factor_of;  // per covariance, or per component of a nonlinear model
+    std::size_t used = 0;        // of the storage
     std::vector<double>
         storage;  // y_pred of the first component, 1 / U_ii, U, W, U'^-1 (Y - y_pred)
     std::optional<FlatSignalUpdate> flat;
@@ -80,6 +81,7 @@ class MixtureCorrection {
 
   std::size_t shared_index(const Source& source, int component) const;
   void weigh_source(const SourcePackets& packets, std::size_t first, const CorrectionRule& rule);
+  static Factor& add_factor(Source& source);
   void make_factor(Source& source, const SourcePackets& packets, int component);
   void make_flat_factor(Source& source, const SourcePackets& packets, int component);
   const FlatSignalUpdate::Factor& flat_factor(Source& source, int component);

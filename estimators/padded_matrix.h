@@ -59,6 +59,17 @@ inline void multiply(const double* A, int A_width, int rows, int inner, const do
   }
 }
 
+/// The same where out is square and symmetric: only what is on and above the diagonal is valid.
+inline void multiply_upper(const double* A, int A_width, int size, int inner, const double* B,
+                           int B_width, double* out, int width) {
+  for (int i = 0; i < size; ++i) {
+    const int start = i / 4 * 4;
+    double* const row = out + i * width;
+    for (int j = 0; j < width; ++j) row[j] = 0.0;
+    add_combination(1.0, A + i * A_width, 1, inner, B + start, B_width, row + start, width - start);
+  }
+}
+
 /// What a pivot that is not positive means: an error, or, where it is rounding about zero, a
 /// direction without variance whose row of U and reciprocal become zero.
 enum class Pivots { kPositive, kNonNegative };
