@@ -3,9 +3,10 @@
 // model is not.
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
-#include <functional>
 
+#include "common/random_stream.h"
 #include "tests/support/catch.h"
 #include "tests/unit/estimators/hybrid_bernoulli_laws/filter_route.h"
 #include "tests/unit/estimators/hybrid_bernoulli_laws/law_cases.h"
@@ -67,6 +68,12 @@ double probability_below(const GaussianMixture& mixture, double x) {
   return sum;
 }
 
+void reduce(HybridBernoulliOptions& options) {
+  options.prune_below = 1e-5;
+  options.merge_below = 1e-2;
+  options.components_max = 30;
+}
+
 struct Setting {
   LawCase law;
   std::uint32_t num_runs = 200;
@@ -79,9 +86,7 @@ Calibration calibrate(const Setting& setting, const LawCase& belief) {
     options.correction = setting.correction == kInjection
                              ? HybridBernoulliOptions::Correction::kInjection
                              : HybridBernoulliOptions::Correction::kSubstitution;
-    options.prune_below = 1e-5;
-    options.merge_below = 1e-2;
-    options.components_max = 30;
+    reduce(options);
   };
   for (std::uint32_t run = 0; run < setting.num_runs; ++run) {
     const LawRun data = simulate(setting.law, run, kNumSteps, setting.correction, kMostPackets);
@@ -173,4 +178,31 @@ TEST_CASE("a filter of a wrong model is not calibrated") {
   wrong = confusing.law;
   wrong.pd = 0.6;
   CHECK(std::abs(calibrate(confusing, wrong).packet.score()) > kBound);
+}
+
+TEST_CASE("an estimated delivery probability is calibrated") {
+  LawCase law = clear_case(true);
+  LawCase belief = law;
+  belief.delivered_count = 4.0;
+  belief.lost_count = 2.0;
+  RunMean error, slope, prior;
+  for (std::uint32_t run = 0; run < 100; ++run) {
+    // The fourth smallest of five uniform numbers has that beta density.
+    const RandomStream chance(4, run, "test/delivery");
+    std::vector<double> draws;
+    for (std::uint64_t i = 0; i < 5; ++i) draws.push_back(chance.uniform(0, i));
+    std::sort(draws.begin(), draws.end());
+    law.pd = draws[3];
+    FilterRoute filter(belief, reduce);
+    for (const LawStep& step : simulate(law, run, kNumSteps, kInjection, kMostPackets).steps) {
+      filter.step(step);
+    }
+    const double miss = law.pd - filter.filter().delivery_probability();
+    error.add(miss);
+    slope.add(miss * filter.filter().delivery_probability());
+    prior.add(std::abs(law.pd - 4.0 / 6.0) - std::abs(miss));
+  }
+  CHECK(std::abs(error.score()) < kBound);
+  CHECK(std::abs(slope.score()) < kBound);
+  CHECK(prior.score() > kBound);  // it does learn
 }

@@ -120,7 +120,10 @@ TEST_CASE("five hundred packets in a step") {
     CHECK(one.mean0.allFinite());
     CHECK(one.square1.allFinite());
     CHECK(one.r == Approx(two.r).epsilon(1e-9));
+    // Children of at most 2 x 30 parents, of either hypothesis: the work of a step is bounded.
     CHECK(filter.filter().num_components() <= 60);
+    CHECK(filter.filter().num_candidates() <=
+          2 * 60 * (static_cast<std::int64_t>(step.packets.size()) + 1));
   }
 }
 
@@ -131,10 +134,12 @@ TEST_CASE("packets with NaN or infinity are left out, and the outcome says so") 
   const auto correction = GENERATE(kInjection, kSubstitution);
   const LawCase law = scalar_case(true, correction);
   FilterRoute filter(law), clean(law);
+  std::int64_t refused = 0;
   for (const LawStep& step : law.steps) {
     LawStep dirty = step;
     dirty.packets.insert(dirty.packets.begin(), {Eigen::Vector2d(0.3, bad), 0});
     LawPosterior one = filter.step(dirty);
+    CHECK(filter.filter().refused_packets() == ++refused);
     CHECK(filter.estimate().outcome == StepOutcome::kRefusedInput);
     const LawPosterior two = clean.step(step);
     one.packet_probability.clear();
