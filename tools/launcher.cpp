@@ -224,7 +224,7 @@ class Launcher {
                         Role::kOutsideEstimator);
       } else if (entry.is_campaign_only()) {
         std::cout << "left out   " << entry.name
-                  << ": sees clean readings, which only a campaign has" << std::endl;
+                  << ": sees what only a campaign knows" << std::endl;
       } else {
         members_->start(entry.name, command("holdfast-estimator", {"--name", entry.name}),
                         Role::kOurs);
