@@ -22,7 +22,7 @@ namespace holdfast {
 /// made, nor are more than kChildrenMax.
 class HybridBernoulliCorrection {
  public:
-  static constexpr int kChildrenMax = 4096;
+  static constexpr int kChildrenMax = 2048;
 
   HybridBernoulliCorrection(const SystemModel& model, const HybridBernoulliOptions& options,
                             const HybridBernoulliLayout& layout,

@@ -20,7 +20,8 @@ namespace {
 
 using namespace holdfast;
 
-constexpr int kStates = 10, kChannels = 2, kPackets = 20;
+constexpr int kStates = 10, kChannels = 2;
+constexpr std::uint32_t kPackets = 20;
 
 Eigen::MatrixXd normal_matrix(const RandomStream& stream, std::uint32_t step, int rows, int columns,
                               double scale) {
@@ -73,11 +74,11 @@ HybridBernoulliBelief belief_of(int components, bool is_shared,
   return belief;
 }
 
-MeasurementSet packets_of(double spread) {
+MeasurementSet packets_of(std::uint32_t packets, double spread) {
   const RandomStream stream(1, 0, "bench/packets");
   MeasurementSet set;
   set.clear(1, 1);
-  for (std::uint32_t p = 0; p < kPackets; ++p) {
+  for (std::uint32_t p = 0; p < packets; ++p) {
     std::vector<double> y;
     for (std::uint32_t i = 0; i < kStates; ++i) y.push_back(spread * stream.normal(p, i));
     set.add({}, y);
@@ -85,15 +86,17 @@ MeasurementSet packets_of(double spread) {
   return set;
 }
 
-void run(benchmark::State& state, bool is_shared, double spread) {
+void run(benchmark::State& state, bool is_shared, double spread, std::uint32_t packets = kPackets,
+         double prune_below = 1e-3) {
   const SystemModel model = dense_model();
   HybridBernoulliOptions options;
   options.components_max = 100;
+  options.prune_below = prune_below;
   HybridBernoulliFilter filter(model, options, {{0, 1, 2, 3, 4, 5, 6, 7, 8, 9}});
   // Prediction joins p0 and p1 into both, so a quarter of the components in each parent.
   const auto belief =
       belief_of(std::max(1, static_cast<int>(state.range(0)) / 4), is_shared, filter.layout());
-  const MeasurementSet set = packets_of(spread);
+  const MeasurementSet set = packets_of(packets, spread);
   std::int64_t step = 0;
   for (auto _ : state) {
     filter.set_belief(belief, false);
@@ -113,6 +116,12 @@ void pruned(benchmark::State& state) {
   run(state, false, 8.0);
 }
 
+// The worst that an attacker can ask for: nothing is pruned, and little merges.
+void flood(benchmark::State& state) {
+  run(state, false, 1.0, 500, 0.0);
+}
+
+BENCHMARK(flood)->Name("step/flood_of_500")->Arg(20)->Arg(100)->Unit(benchmark::kMillisecond);
 BENCHMARK(own)->Name("step/own")->Arg(20)->Arg(50)->Arg(100)->Unit(benchmark::kMicrosecond);
 BENCHMARK(shared)->Name("step/shared")->Arg(20)->Arg(50)->Arg(100)->Unit(benchmark::kMicrosecond);
 BENCHMARK(pruned)->Name("step/pruned")->Arg(20)->Arg(50)->Arg(100)->Unit(benchmark::kMicrosecond);
