@@ -88,7 +88,7 @@ LawCase two_attacks_case(bool is_direct, CorrectionLaw correction, double persis
   law.model.attack_names = {"a0", "a1"};
   law.persistence = persistence;
   law.attacks = {{0.65, {0}, {scalar_term(1.0, 1.2, 0.7)}},
-                 {0.35, {1}, {scalar_term(0.6, -0.5, 0.9), scalar_term(0.4, 0.8, 0.6)}}};
+                 {0.35, {1}, {scalar_term(1.0, -0.5, 0.9)}}};
   return law;
 }
 
@@ -101,6 +101,7 @@ LawCase unknown_delivery_case(bool is_direct, CorrectionLaw correction) {
 
 LawCase partial_packets_case(bool is_direct) {
   LawCase law = scalar_case(is_direct, kInjection);
+  law.attacks[0].terms = {scalar_term(1.0, 1.2, 0.7)};
   law.rows = {{0}, {1}};
   law.model.R = Eigen::Vector2d(0.4, 0.5).asDiagonal();
   const auto packet = [](double value, int source) {
@@ -115,6 +116,7 @@ LawCase partial_packets_case(bool is_direct) {
 
 LawCase overlapping_sources_case(bool is_direct) {
   LawCase law = scalar_case(is_direct, kInjection);
+  law.attacks[0].terms = {scalar_term(1.0, 1.2, 0.7)};
   law.rows = {{0, 1}, {1}};
   law.steps[0].packets.push_back({Eigen::VectorXd::Constant(1, 0.5), 1});
   law.steps[1].packets.push_back({Eigen::VectorXd::Constant(1, -0.2), 1});
@@ -176,7 +178,7 @@ void make_rank_deficient(LawCase& law) {
 }
 
 LawCase everything_case(bool is_direct) {
-  LawCase law = random_case(8, 2, 2, 3, is_direct, kInjection, {2, 1, 2});
+  LawCase law = random_case(8, 2, 2, 3, is_direct, kInjection, {2, 1, 1});
   make_rank_deficient(law);
   law.model.R.row(2) << 0.0, 0.0, law.model.R(2, 2);
   law.model.R.col(2).head(2).setZero();
