@@ -123,7 +123,8 @@ ConfigurationMap::ConfigurationMap(std::shared_ptr<Shared> shared, YAML::Node no
       mark_(mark) {}
 
 std::string ConfigurationMap::path(std::string_view key) const {
-  return path_.empty() ? std::string(key) : path_ + "." + std::string(key);
+  if (path_.empty() || key.empty()) return path_ + std::string(key);
+  return path_ + "." + std::string(key);
 }
 
 bool ConfigurationMap::has(std::string_view key) const {

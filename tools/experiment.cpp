@@ -147,6 +147,13 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
   root.read("period_s", experiment.period_s, kNonNegative);
 
   experiment.plant.read(root.map("plant"), folder);
+  if (!experiment.plant.is_usable()) {
+    // What stands on a broken model would only repeat its problems.
+    for (const char* key :
+         {"network", "attacks", "estimators", "state_names", "state_groups", "campaign"})
+      root.raw(key);
+    document.finish();
+  }
   read_network(root.map("network"), folder, experiment);
   experiment.assembler.num_steps = experiment.num_steps;
   experiment.assembler.step_s = experiment.step_s();

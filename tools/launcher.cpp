@@ -223,8 +223,8 @@ class Launcher {
         members_->start(entry.name, outside_command(entry.command, entry.name),
                         Role::kOutsideEstimator);
       } else if (entry.is_campaign_only()) {
-        std::cout << "left out   " << entry.name
-                  << ": sees what only a campaign knows" << std::endl;
+        std::cout << "left out   " << entry.name << ": sees what only a campaign knows"
+                  << std::endl;
       } else {
         members_->start(entry.name, command("holdfast-estimator", {"--name", entry.name}),
                         Role::kOurs);

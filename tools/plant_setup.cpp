@@ -40,8 +40,12 @@ void PlantSetup::read(ConfigurationMap map, const std::string& folder) {
   SystemSetup system;
   if (system.source.set_kind(name)) {
     system.source.read(map.map("model"));
-    system.options.read(map, system.model(), folder);
     kind = std::move(system);
+    if (is_usable()) {
+      std::get<SystemSetup>(kind).options.read(map, this->system()->model(), folder);
+    } else {
+      for (const char* key : {"start_state", "start_std", "signal_attacks"}) map.raw(key);
+    }
     return;
   }
   if (name != "binary_target") {
@@ -55,6 +59,10 @@ void PlantSetup::read(ConfigurationMap map, const std::string& folder) {
 
 void PlantSetup::take_layout(const FrameLayout& layout, ConfigurationMap& network) {
   std::visit([&](auto& setup) { holdfast::take_layout(layout, setup, network); }, kind);
+}
+
+bool PlantSetup::is_usable() const {
+  return system() == nullptr || system()->model().problems().empty();
 }
 
 double PlantSetup::step_s() const {

@@ -41,6 +41,8 @@ struct PlantSetup {
   /// messages and their signals. Reports what does not fit the plant on the network's map.
   void take_layout(const FrameLayout& layout, ConfigurationMap& network);
 
+  /// False when the model that was read has problems: nothing can be built on it.
+  bool is_usable() const;
   double step_s() const;
   std::vector<std::string> state_names() const;
   /// Groups of states for scenarios that name none.

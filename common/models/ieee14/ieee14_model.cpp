@@ -1,6 +1,7 @@
 #include "common/models/ieee14/ieee14_model.h"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>
@@ -91,12 +92,13 @@ void Ieee14Options::read(ConfigurationMap& map) {
   map.read("nonlinear", nonlinear);
   std::vector<double> buses(victims.begin(), victims.end());
   map.read("victims", buses, 0, {1.0, kBuses});
-  victims.clear();
-  for (const double bus : buses) {
-    if (!is_bus(bus)) map.problem("victims", "each must be the number of a bus, 1 to 14");
-    victims.push_back(static_cast<int>(bus));
+  if (!std::ranges::all_of(buses, is_bus)) {
+    map.problem("victims", "each must be the number of a bus, 1 to 14");
+  } else if (buses.size() > SwingEquation::kInputsMax) {
+    map.problem("victims", "must be at most 14");
+  } else {
+    victims.assign(buses.begin(), buses.end());
   }
-  if (victims.size() > SwingEquation::kInputsMax) map.problem("victims", "must be at most 14");
   map.read("feedthrough_gain", feedthrough_gain);
   map.read("step_s", step_s, kPositive);
   map.read("process_noise_intensity", process_noise_intensity, kNonNegative);
