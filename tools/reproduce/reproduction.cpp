@@ -142,7 +142,8 @@ RowResult evaluate(const PaperRow& row, const PaperCampaign& campaign,
   result.label = row.label.empty() ? campaign.name + ": " + row.estimator : row.label;
   if (!campaign.sweep_key.empty())
     result.label += ", " + campaign.sweep_labels[static_cast<std::size_t>(row.point)];
-  result.label += ", " + row.group;
+  if (row.metric != PaperRow().metric) result.label += ", " + row.metric;
+  if (!row.group.empty()) result.label += ", " + row.group;
   for (const EstimatorSummary& estimator : point.estimators) {
     if (estimator.metrics.estimator != row.estimator) continue;
     const Metric* metric = find_metric(estimator.metrics, row.metric, row.group);
