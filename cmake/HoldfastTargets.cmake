@@ -9,6 +9,23 @@ target_compile_options(holdfast_flags INTERFACE
 find_program(CLANG_TIDY clang-tidy)
 
 # holdfast_add_library(NAME HEADERS .. SOURCES .. DEPENDS .. PRIVATE_DEPENDS ..): target holdfast_NAME, exported as holdfast::NAME.
+# Headers that most sources read are parsed once, by holdfast_common: a third of a source's compile time.
+# What GCC 12 thinks of its own std::string once that is inlined, it says only where the header is precompiled.
+function(holdfast_precompile target)
+  if(HOLDFAST_TIDY)
+    return()  # clang cannot read what GCC precompiled
+  endif()
+  if(target STREQUAL holdfast_common)
+    target_precompile_headers(${target} PRIVATE <Eigen/Core> <yaml-cpp/yaml.h>
+      <algorithm> <functional> <map> <memory> <string> <vector>)
+  else()
+    target_precompile_headers(${target} REUSE_FROM holdfast_common)
+    target_compile_definitions(${target} PRIVATE BOOST_ALL_NO_LIB)  # as Boost has it there: both must agree
+  endif()
+  target_compile_options(${target} PRIVATE
+    $<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-array-bounds;-Wno-restrict;-Wno-stringop-overflow;-Wno-stringop-overread>)
+endfunction()
+
 function(holdfast_add_library name)
   cmake_parse_arguments(ARG "" "" "HEADERS;SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
   set(target holdfast_${name})
@@ -21,6 +38,7 @@ function(holdfast_add_library name)
   foreach(dependency IN LISTS ARG_PRIVATE_DEPENDS ITEMS holdfast_flags)
     target_link_libraries(${target} PRIVATE $<BUILD_INTERFACE:${dependency}>)
   endforeach()
+  holdfast_precompile(${target})
   if(HOLDFAST_TIDY AND CLANG_TIDY)
     set_target_properties(${target} PROPERTIES CXX_CLANG_TIDY "${CLANG_TIDY};--quiet")
   endif()

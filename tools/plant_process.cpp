@@ -1,6 +1,5 @@
 #include "tools/plant_process.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "common/measurement_messages.h"
@@ -41,8 +40,6 @@ void PlantProcess::publish_truth(const PlantStep& step) {
   to_message(step, utime, truth_);
   link_.publish("PLANT_TRUTH", truth_);
   for (const AttackSignal& signal : step.attack_signals) {
-    const auto is_zero = [](double value) { return value == 0.0; };
-    if (std::all_of(signal.value.begin(), signal.value.end(), is_zero)) continue;
     to_message(signal, step.step, utime, attack_signal_);
     link_.publish("ATTACK_SIGNAL", attack_signal_);
   }

@@ -11,7 +11,7 @@
 namespace holdfast {
 namespace {
 
-constexpr std::size_t kStatesMax = 12, kModesMax = 8, kInnovationRowsMax = 4;
+constexpr std::size_t kStatesMax = 12, kModesMax = 8, kInnovationRowsMax = 4, kChannelsMax = 6;
 constexpr double kBandSigmas = 3.0;
 
 // sqrt of a diagonal element of a covariance written row by row; NaN when it is none.
@@ -176,6 +176,39 @@ void add_consistency_figure(const FigureContext& context, const ShownEstimator& 
   figures.push_back(std::move(figure));
 }
 
+// One figure for each channel of the attack signal that an estimator has an estimate of.
+void add_signal_figures(const FigureContext& context, std::vector<Figure>& figures) {
+  std::size_t num_channels = 0;
+  for (const ShownEstimator& estimator : context.estimators) {
+    for (const auto& [step, sample] : estimator.trace->samples)
+      num_channels = std::max(num_channels, sample.input_mean.size());
+  }
+  for (std::size_t channel = 0; channel < std::min(num_channels, kChannelsMax); ++channel) {
+    const std::string number = std::to_string(channel + 1);
+    Figure figure =
+        step_figure(context, "attack_signal_" + number, "Attack signal " + number, "attack signal");
+    FigureSeries truth;
+    truth.name = "truth";
+    for (const auto& [step, signal] : context.trace.attack_signals) {
+      if (signal.size() == num_channels) add_step(truth, step, signal[channel]);
+    }
+    if (!truth.x.empty()) figure.series.push_back(std::move(truth));
+    for (const ShownEstimator& estimator : context.estimators) {
+      FigureSeries series;
+      series.name = estimator.name;
+      for (const auto& [step, sample] : estimator.trace->samples) {
+        if (channel < sample.input_mean.size() && sample.input_step > 0)
+          add_step(series, sample.input_step, sample.input_mean[channel]);
+      }
+      if (!series.x.empty()) figure.series.push_back(std::move(series));
+    }
+    if (channel == 0 && num_channels > kChannelsMax)
+      figure.note += " The first " + std::to_string(kChannelsMax) + " of " +
+                     std::to_string(num_channels) + " channels have a figure.";
+    figures.push_back(std::move(figure));
+  }
+}
+
 }  // namespace
 
 std::vector<Figure> state_figures(const FigureContext& context) {
@@ -248,6 +281,7 @@ std::vector<Figure> attack_figures(const FigureContext& context) {
         {context.review.metrics_options.detection_threshold, "called an attack"});
     figures.push_back(std::move(figure));
   }
+  add_signal_figures(context, figures);
   for (const ShownEstimator& estimator : context.estimators)
     add_mode_figure(context, estimator, figures);
   return figures;
