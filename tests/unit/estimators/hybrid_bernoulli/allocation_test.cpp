@@ -38,4 +38,8 @@ TEST_CASE("a step of the hybrid Bernoulli filter allocates nothing once it has s
   const GaussianMixture copy(HybridBernoulliBelief().p0);
   std::vector<double> counted(10);
   CHECK(testing::allocation_count() > before);  // negative control: the counter counts
+  const std::int64_t before_matrix = testing::allocation_count();
+  const Eigen::VectorXd matrix = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(counted.size()));
+  CHECK(testing::allocation_count() > before_matrix);  // what Eigen takes, too
+  CHECK(matrix.size() == 10);
 }

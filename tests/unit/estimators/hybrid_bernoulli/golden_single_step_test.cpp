@@ -156,9 +156,9 @@ TEST_CASE("sets that are empty, certain, far or outside the box correct as the g
 TEST_CASE("the update agrees with the golden limit of ever wider priors of the signal") {
   const nlohmann::json golden = testing::golden_hbf("input_prior_limit.json");
   for (const nlohmann::json& row : golden.at("rows")) {
-    if (row.at("Pa").is_null() || row.at("Pa").get<double>() > 1e8) continue;
-    const double Pa = row.at("Pa");
-    INFO("Pa = " << Pa);
+    const bool is_flat = row.at("Pa").is_null();
+    const double Pa = is_flat ? 1.0 : row.at("Pa").get<double>();
+    INFO("Pa = " << Pa << (is_flat ? ", flat" : ""));
     SystemModel system;
     system.C = testing::matrix_of(golden.at("C"));
     system.H = testing::matrix_of(golden.at("H"));
@@ -170,6 +170,7 @@ TEST_CASE("the update agrees with the golden limit of ever wider priors of the s
     HybridBernoulliOptions options;
     options.delivery_probability = 1.0;
     options.prune_below = 0.0;
+    if (is_flat) options.input_prior = HybridBernoulliOptions::InputPrior::kFlat;
     SingleStep one(system, options);
     HybridBernoulliBelief belief;
     belief.set_attack_probability(0.5);
@@ -186,7 +187,8 @@ TEST_CASE("the update agrees with the golden limit of ever wider priors of the s
     belief.p1.add(0.0, mean, covariance);
     const HybridBernoulliBelief corrected =
         one.correct(belief, nlohmann::json::array({golden.at("y")}));
-    // The augmented update loses digits with Pa: 1e-11 at 1e4, 1e-7 at 1e8 for R of 0.1 (spec 2).
+    // The augmented update loses digits with Pa: 1e-11 at 1e4, 1e-7 at 1e8, 1e-3 at 1e12 for R of
+    // 0.1 (spec 2). The flat update loses none.
     const double bound = std::max(1e-10, 1e-14 * Pa);
     const double log_ratio =
         row.at("log_q").get<double>() - golden.at("log_q0_no_attack").get<double>();
