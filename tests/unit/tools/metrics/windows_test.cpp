@@ -26,7 +26,8 @@ struct Case {
   }
 
   double value(const std::string& name, const std::string& group) const {
-    const Metric* found = find_metric(compute_metrics(runs, options), name, group);
+    const EstimatorMetrics metrics = compute_metrics(runs, options);
+    const Metric* found = find_metric(metrics, name, group);
     return found == nullptr ? kNan : found->value;
   }
 };
