@@ -8,15 +8,6 @@ using namespace holdfast::test;
 
 namespace {
 
-std::string problems_of(const std::string& yaml) {
-  try {
-    rules_of(yaml);
-  } catch (const ConfigurationError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 bool says(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }

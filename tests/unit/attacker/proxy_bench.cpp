@@ -59,6 +59,15 @@ std::vector<AttackRule> rules_of(const std::string& yaml) {
   return rules;
 }
 
+std::string problems_of(const std::string& yaml) {
+  try {
+    rules_of(yaml);
+  } catch (const ConfigurationError& error) {
+    return error.what();
+  }
+  return "";
+}
+
 CanFrame reading(const std::string& message, std::int64_t step, const std::string& signal,
                  double value) {
   static const FrameLayout layout = test_layout();

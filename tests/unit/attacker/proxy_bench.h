@@ -16,6 +16,8 @@ FrameLayout test_layout();
 
 /// Rules of YAML text "attacks: [...]"; throws ConfigurationError with all problems.
 std::vector<AttackRule> rules_of(const std::string& yaml);
+/// What that says; empty when all is well.
+std::string problems_of(const std::string& yaml);
 
 /// Frame of a message with its signals set by name, STEP included.
 CanFrame reading(const std::string& message, std::int64_t step, const std::string& signal,

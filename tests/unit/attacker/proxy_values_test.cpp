@@ -32,15 +32,6 @@ std::string rule(const std::string& rest) {
   return "attacks: [{name: r, match: {messages: [Pair]}, " + rest + "}]";
 }
 
-std::string problems_of(const std::string& yaml) {
-  try {
-    rules_of(yaml);
-  } catch (const ConfigurationError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 }  // namespace
 
 TEST_CASE("one rule writes several signals, each with its own numbers") {
