@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "common/errors.h"
+#include "estimators/packet_inbox.h"
 #include "estimators/padded_matrix.h"
 
 namespace holdfast {
@@ -94,19 +95,6 @@ void HybridBernoulliPackets::group(const SystemModel& model) {
   }
 }
 
-bool HybridBernoulliPackets::is_usable(const MeasurementSet& measurements,
-                                       const Packet& packet) const {
-  if (packet.source < 0 || packet.source >= static_cast<int>(rows_.size())) return false;
-  const std::size_t wanted = rows_[static_cast<std::size_t>(packet.source)].size();
-  const std::size_t end = std::size_t{packet.first_value} + packet.num_values;
-  if (packet.num_values != wanted || end > measurements.values.size()) return false;
-  const std::span<const double> values = measurements.values_of(packet);
-  // Squares of larger numbers overflow, and then nothing tells one hypothesis from another.
-  constexpr double kLargest = 1e150;
-  return std::all_of(values.begin(), values.end(),
-                     [](double value) { return std::abs(value) < kLargest; });
-}
-
 double HybridBernoulliPackets::log_false_density(int source, std::span<const double> values) const {
   const double inside = log_box_density_[static_cast<std::size_t>(source)];
   if (outside_ == HybridBernoulliOptions::Outside::kConstant) return inside;
@@ -130,7 +118,7 @@ int HybridBernoulliPackets::read(const MeasurementSet& measurements) {
   int refused = 0;
   for (std::size_t p = 0; p < measurements.packets.size(); ++p) {
     const Packet& packet = measurements.packets[p];
-    if (!is_usable(measurements, packet)) {
+    if (!is_usable(measurements, packet, rows_)) {
       ++refused;
       continue;
     }

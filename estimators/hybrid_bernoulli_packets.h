@@ -42,7 +42,6 @@ class HybridBernoulliPackets {
   };
 
   void group(const SystemModel& model);
-  bool is_usable(const MeasurementSet& measurements, const Packet& packet) const;
   double log_false_density(int source, std::span<const double> values) const;
 
   std::vector<std::vector<int>> rows_;

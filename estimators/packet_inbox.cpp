@@ -21,12 +21,15 @@ PacketInbox::PacketInbox(std::vector<std::vector<int>> rows, int num_measurement
   }
 }
 
-bool PacketInbox::is_usable(const MeasurementSet& measurements, const Packet& packet) const {
-  if (packet.source < 0 || packet.source >= num_sources()) return false;
-  if (packet.num_values != rows(packet.source).size()) return false;
+bool is_usable(const MeasurementSet& measurements, const Packet& packet,
+               const std::vector<std::vector<int>>& rows) {
+  if (packet.source < 0 || packet.source >= static_cast<int>(rows.size())) return false;
+  const std::size_t wanted = rows[static_cast<std::size_t>(packet.source)].size();
+  const std::size_t end = std::size_t{packet.first_value} + packet.num_values;
+  if (packet.num_values != wanted || end > measurements.values.size()) return false;
   const std::span<const double> values = measurements.values_of(packet);
   return std::all_of(values.begin(), values.end(),
-                     [](double value) { return std::abs(value) <= kLargestValue; });
+                     [](double value) { return std::abs(value) <= kLargestReading; });
 }
 
 void PacketInbox::read(const MeasurementSet& measurements) {
@@ -34,7 +37,7 @@ void PacketInbox::read(const MeasurementSet& measurements) {
   std::fill(ends_.begin(), ends_.end(), 0);
   std::size_t num_usable = 0;
   for (const Packet& packet : measurements.packets) {
-    if (!is_usable(measurements, packet)) continue;
+    if (!is_usable(measurements, packet, rows_)) continue;
     ++ends_[static_cast<std::size_t>(packet.source) + 1];
     ++num_usable;
   }
@@ -45,7 +48,7 @@ void PacketInbox::read(const MeasurementSet& measurements) {
   for (std::size_t s = 1; s < ends_.size(); ++s) begin += std::exchange(ends_[s], begin);
   for (std::size_t p = 0; p < measurements.packets.size(); ++p) {
     const Packet& packet = measurements.packets[p];
-    if (!is_usable(measurements, packet)) continue;
+    if (!is_usable(measurements, packet, rows_)) continue;
     std::size_t& next = ends_[static_cast<std::size_t>(packet.source) + 1];
     packets_[next++] = {p, measurements.values_of(packet)};
   }

@@ -9,6 +9,15 @@
 
 namespace holdfast {
 
+/// False for a packet of an unknown source, with a wrong number of values, with values that the set
+/// does not hold, or with one that is not finite or beyond kLargestReading. rows[s]: rows of y that
+/// a packet of source s carries.
+bool is_usable(const MeasurementSet& measurements, const Packet& packet,
+               const std::vector<std::vector<int>>& rows);
+
+/// Beyond any reading; squares of innovations stay finite below it.
+inline constexpr double kLargestReading = 1e100;
+
 /// A packet that passed the inbox.
 struct UsablePacket {
   std::size_t index = 0;           // in MeasurementSet::packets
@@ -17,13 +26,9 @@ struct UsablePacket {
 
 /// Z_k at an estimator's door: refuses and counts what cannot be used, sorts the rest by source.
 ///
-/// Refused is a packet of an unknown source, with a wrong number of values, or with one that is not
-/// finite or beyond kLargestValue. Allocates nothing once it has seen the largest set.
+/// Refused is a packet that is not is_usable(). Allocates nothing once it has seen the largest set.
 class PacketInbox {
  public:
-  /// Beyond any reading; squares of innovations stay finite below it.
-  static constexpr double kLargestValue = 1e100;
-
   /// rows[s]: rows of y that a packet of source s carries. Throws UsageError for a row that is
   /// outside 0 .. num_measurements - 1 or stands in two places.
   PacketInbox(std::vector<std::vector<int>> rows, int num_measurements);
@@ -45,8 +50,6 @@ class PacketInbox {
   static void list_packets(const MeasurementSet& measurements, Estimate& estimate);
 
  private:
-  bool is_usable(const MeasurementSet& measurements, const Packet& packet) const;
-
   std::vector<std::vector<int>> rows_;
   std::vector<UsablePacket> packets_;
   std::vector<std::size_t> ends_;  // of each source's packets

@@ -173,7 +173,7 @@ TEST_CASE("a false set far away, or none at all, leaves the prediction") {
   HybridBernoulliFilter filter(model, small_options(), testing::all_rows(model));
   MeasurementSet far, none;
   far.clear(1, 0);
-  add(far, 0, {1e140, -1e140, 1e140, 1e140});
+  add(far, 0, {1e90, -1e90, 1e90, 1e90});
   const Estimate& estimate = filter.step(1, far, {});
   CHECK(estimate.attack_probability == Approx(small_options().start_attack_probability));
   CHECK(estimate.packet_probability.at(0) == 0.0);
