@@ -35,9 +35,7 @@ JointInputState::JointInputState(const SystemModel& model, const JointInputState
                                  std::vector<std::vector<int>> rows)
     : attack_prior_(options.attack_prior.gaussian(model.num_attack_channels())),
       core_(model, options.feedthrough, attack_prior_),
-      inbox_(std::move(rows), model.num_measurements()),
-      choice_(options.vector.packet, options.vector.gate_probability, inbox_),
-      innovation_(model.num_measurements()),
+      correction_(std::move(rows), model.num_measurements(), options.vector),
       belief_(core_.make_input_belief()),
       input_score_(attack_prior_) {
   core_.join_input(options.start.gaussian(model.num_states()), belief_);
@@ -46,18 +44,11 @@ JointInputState::JointInputState(const SystemModel& model, const JointInputState
 const Estimate& JointInputState::step(std::int64_t step, const MeasurementSet& measurements,
                                       const Eigen::VectorXd& /*known_input*/) {
   using Result = PacketChoice::Result;
-  inbox_.read(measurements);
-  inbox_.begin(step, measurements, estimate_);
-  if (has_started_) core_.predict(belief_);
-  has_started_ = true;
-  KalmanMode mode{&core_, &belief_};
-  const Result result = choice_.correct(inbox_, {&mode, 1}, estimate_);
-  innovation_.clear(estimate_);
+  const Result result = correction_.step(step, measurements, core_, belief_, estimate_);
   if (result == Result::kCorrected) {
-    innovation_.publish(core_, estimate_);
     score_ = input_score_(belief_);
   } else if (result == Result::kRefusedByGate) {
-    score_ = choice_.refused_score();
+    score_ = correction_.refused_score();
   }
   estimate_.mean = belief_.mean.head(core_.num_states());
   estimate_.covariance = belief_.covariance.topLeftCorner(core_.num_states(), core_.num_states());

@@ -5,10 +5,8 @@
 
 #include "estimators/baseline_options.h"
 #include "estimators/estimator.h"
-#include "estimators/innovation_record.h"
 #include "estimators/kalman_core.h"
-#include "estimators/packet_choice.h"
-#include "estimators/packet_inbox.h"
+#include "estimators/vector_correction.h"
 
 namespace holdfast {
 
@@ -47,17 +45,14 @@ class JointInputState : public Estimator {
                        const Eigen::VectorXd& known_input) override;
 
   /// Packets refused since construction.
-  std::int64_t refused_packets() const { return inbox_.refused_packets(); }
+  std::int64_t refused_packets() const { return correction_.refused_packets(); }
 
  private:
   Gaussian attack_prior_;
   KalmanCore core_;
-  PacketInbox inbox_;
-  PacketChoice choice_;
-  InnovationRecord innovation_;
+  VectorCorrection correction_;
   Gaussian belief_;  // on z
   InputScore input_score_;
-  bool has_started_ = false;
   double score_ = 0.0;
   Estimate estimate_;
 };
