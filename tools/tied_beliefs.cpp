@@ -86,7 +86,8 @@ double tied_probability(ConfigurationMap& map, const char* key, AttackRule::Acti
     const bool takes_all =
         std::ranges::all_of(context.layout.messages, [&](const std::string& name) {
           const DbcMessage* message = context.layout.dbc.find(name);
-          return message != nullptr && selects(rule.match, *message);
+          // One that is not there is told elsewhere.
+          return message == nullptr || selects(rule.match, *message);
         });
     if (acts_always(rule) && takes_all) {
       untouched *= 1.0 - rule.probability;

@@ -136,6 +136,10 @@ TEST_CASE("wrong vector scenarios are told, all problems at once") {
   }
   CHECK(mentions(problems_of("ieee14", {"network.signals=[DELTA1]"}),
                  "1 messages of 1 signals for 10"));
+  // Nor does a DBC that is not there make a rule act on some messages only.
+  const std::string no_dbc = problems_of("ieee14", {"network.dbc=nowhere.dbc"});
+  CHECK(mentions(no_dbc, "nowhere.dbc"));
+  CHECK_FALSE(mentions(no_dbc, "cannot be the same"));
   // A model that cannot be used is told once, not by all that stand on it.
   const std::string broken = problems_of("fifth_order", {"plant.model.A=[[1, 2]]"});
   CHECK(mentions(broken, "A must be"));
