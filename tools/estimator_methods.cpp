@@ -67,12 +67,17 @@ void set_maker(const MethodContext& context, SystemModel model, Options options,
 template <class Options>
 void tie(ConfigurationMap& map, const MethodContext& context, Options& options) {
   using Action = AttackRule::Action;
-  const double delivered =
-      tied_probability(map, "delivery_probability", Action::kDrop, false, context);
-  if (delivered > 0.0) options.delivery_probability = delivered;
+  if (const auto delivered =
+          tied_probability(map, "delivery_probability", Action::kDrop, false, context)) {
+    if (*delivered == 0.0) {
+      map.problem("delivery_probability", "cannot be the same: the rules let nothing arrive");
+    }
+    options.delivery_probability = *delivered;
+  }
   if constexpr (requires { options.substitution_probability; }) {
-    options.substitution_probability =
+    const auto substituted =
         tied_probability(map, "substitution_probability", Action::kSubstitute, true, context);
+    options.substitution_probability = substituted.value_or(options.substitution_probability);
   }
 }
 

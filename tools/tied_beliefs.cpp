@@ -77,8 +77,11 @@ BinaryTargetModel::Attack read_assumed_attack(ConfigurationMap map,
   return assumes;
 }
 
-double tied_probability(ConfigurationMap& map, const char* key, AttackRule::Action action,
-                        bool is_touched, const MethodContext& context) {
+std::optional<double> tied_probability(ConfigurationMap& map, const char* key,
+                                       AttackRule::Action action, bool is_touched,
+                                       const MethodContext& context) {
+  std::string text;
+  if (!map.scalar_text(key, text) || text != "same") return std::nullopt;
   double untouched = 1.0;
   std::string untied_rule;
   for (const AttackRule& rule : context.rules) {
@@ -95,9 +98,7 @@ double tied_probability(ConfigurationMap& map, const char* key, AttackRule::Acti
       untied_rule = rule.name;
     }
   }
-  std::string text;
-  const bool asks = map.scalar_text(key, text) && text == "same";
-  if (asks && !untied_rule.empty()) report_untied(map, key, untied_rule);
+  if (!untied_rule.empty()) report_untied(map, key, untied_rule);
   return is_touched ? 1.0 - untouched : untouched;
 }
 

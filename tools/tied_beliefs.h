@@ -1,6 +1,6 @@
 #pragma once
 
-#include <string>
+#include <optional>
 
 #include "tools/estimator_methods.h"
 
@@ -12,10 +12,11 @@ BinaryTargetModel::Attack read_assumed_attack(ConfigurationMap map,
                                               const BinaryTargetModel::Attack& truth,
                                               const MethodContext& context);
 
-/// True probability for a key that "same" ties to the rules of one action: that a frame is touched
-/// by one of them, or that it is not. Reports "same" where no one number says it: a rule acts only
-/// at times or on some of the messages.
-double tied_probability(ConfigurationMap& map, const char* key, AttackRule::Action action,
-                        bool is_touched, const MethodContext& context);
+/// True probability for a key that says "same": that a frame is touched by a rule of this action,
+/// or that it is not. None when the key says something else. Reports "same" where no one number is
+/// true: a rule acts only at times or on some of the messages.
+std::optional<double> tied_probability(ConfigurationMap& map, const char* key,
+                                       AttackRule::Action action, bool is_touched,
+                                       const MethodContext& context);
 
 }  // namespace holdfast

@@ -82,6 +82,14 @@ TEST_CASE("same ties delivery and substitution probabilities to the rules") {
   };
   CHECK(r_after(half) == r_after(equal));
   CHECK(r_after(half) != r_after(apart));
+  // A key that is not there is not tied.
+  const Experiment silent = load_experiment(
+      scenario("ieee14"),
+      {"attacks.loss.probability=0.5", "estimators=[{name: a, method: hybrid_bernoulli}]"});
+  const YAML::Node told = YAML::Load(silent.resolved)["estimators"][0];
+  CHECK(told["delivery_probability"].as<double>() == 0.95);
+  CHECK(told["substitution_probability"].as<double>() == 0.0);
+  CHECK(mentions(problems_of("ieee14", {"attacks.loss.probability=1"}), "nothing arrive"));
   CHECK(mentions(problems_of("ieee14", {"attacks.loss.window={first_step: 5}"}),
                  "cannot be the same as rule 'loss'"));
 }
