@@ -103,9 +103,20 @@ void VectorOptions::read(ConfigurationMap& map) {
   map.read("gate_probability", gate_probability, kAboveZeroProbability);
 }
 
-void KalmanFilterOptions::read(ConfigurationMap& map, const SystemModel& model) {
-  read_start(map, model, start);
+void VectorFilterOptions::read(ConfigurationMap& map, const SystemModel& model) {
+  ConfigurationMap start_map = map.map("start");
+  start.read(start_map, model.num_states());
+  start_map.read("step", start_step, {0.0, 1.0});
   vector.read(map);
+  map.read_choice("linearisation", linearisation,
+                  {{"extended", Linearisation::kExtended},
+                   {"unscented", Linearisation::kUnscented},
+                   {"cubature", Linearisation::kCubature}});
+}
+
+void KalmanFilterOptions::read(ConfigurationMap& map, const SystemModel& model) {
+  VectorFilterOptions::read(map, model);
+  map.read("skip_zero", skip_zero);
 }
 
 void ProbabilisticDataAssociationOptions::read(ConfigurationMap& map, const SystemModel& model) {

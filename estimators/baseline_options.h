@@ -7,6 +7,7 @@
 #include "common/models/system_model.h"
 #include "estimators/kalman_core.h"
 #include "estimators/packet_choice.h"
+#include "estimators/sigma_points.h"
 
 namespace holdfast {
 
@@ -37,10 +38,19 @@ struct VectorOptions {
   void read(ConfigurationMap& map);
 };
 
-/// Keys of `method: kalman_filter`.
-struct KalmanFilterOptions {
-  GaussianOptions start;  // x_1 before Z_1
+/// What filters with one Gaussian that take one vector per step have in common.
+struct VectorFilterOptions {
+  GaussianOptions start;  // x at start_step, before that step's readings
+  int start_step = 1;     // 0: x_0, so that the first step is predicted too; key `start.step`
   VectorOptions vector;
+  Linearisation linearisation = Linearisation::kExtended;
+
+  void read(ConfigurationMap& map, const SystemModel& model);
+};
+
+/// Keys of `method: kalman_filter`.
+struct KalmanFilterOptions : VectorFilterOptions {
+  bool skip_zero = false;  // a vector of exact zeros says nothing: someone forced it
 
   void read(ConfigurationMap& map, const SystemModel& model);
 };

@@ -23,10 +23,11 @@ void InnovationRecord::clear(Estimate& estimate) {
   swap(0, estimate);
 }
 
-void InnovationRecord::publish(const KalmanCore& core, Estimate& estimate) {
-  swap(static_cast<std::size_t>(core.num_rows()), estimate);
-  estimate.innovation = core.innovation();
-  estimate.innovation_covariance = core.innovation_covariance();
+void InnovationRecord::publish(const Eigen::Ref<const Eigen::VectorXd>& nu,
+                               const Eigen::Ref<const Eigen::MatrixXd>& S, Estimate& estimate) {
+  swap(static_cast<std::size_t>(nu.size()), estimate);
+  estimate.innovation = nu;
+  estimate.innovation_covariance = S;
 }
 
 }  // namespace holdfast

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "estimators/estimate.h"
-#include "estimators/kalman_core.h"
 
 namespace holdfast {
 
@@ -16,8 +15,11 @@ class InnovationRecord {
 
   /// The estimate says no innovation.
   void clear(Estimate& estimate);
-  /// The estimate says the core's latest innovation, and its covariance.
-  void publish(const KalmanCore& core, Estimate& estimate);
+  /// The estimate says this innovation and its covariance.
+  void publish(const Eigen::Ref<const Eigen::VectorXd>& nu,
+               const Eigen::Ref<const Eigen::MatrixXd>& S, Estimate& estimate);
+  /// The estimate has an innovation and a covariance of this many rows, for the caller to fill.
+  void make_room(std::size_t rows, Estimate& estimate) { swap(rows, estimate); }
 
  private:
   void swap(std::size_t rows, Estimate& estimate);

@@ -3,28 +3,65 @@
 #include <utility>
 
 #include "common/chi_square.h"
+#include "estimators/sized_vector_kernel.h"
 
 namespace holdfast {
+namespace {
+
+template <int N, int L>
+class KalmanMethod {
+ public:
+  explicit KalmanMethod(bool skips_zero) : skips_zero_(skips_zero) {}
+
+  void begin_step(std::int64_t /*step*/) {}
+
+  void believe(const Observation<N, L>& observation, const Small<L, L>& R,
+               ReadingBelief<L>& reading) const {
+    believe_reading(observation, R, reading);
+  }
+
+  VectorResult correct(const Belief<N>& prior, const Observation<N, L>& observation,
+                       const Small<L, L>& R, const Small<L>& y, Belief<N>& posterior) {
+    if (skips_zero_ && (y.array() == 0.0).all()) return {VectorResult::Kind::kSkipped};
+    believe_reading(observation, R, reading_);
+    const UpdateResult one = update_.weigh(observation, reading_, y);
+    if (!one.is_definite) return {};
+    update_.apply(prior, observation, reading_, posterior);
+    return {VectorResult::Kind::kCorrected, one.squared_distance, one.log_density};
+  }
+
+  void publish(Estimate& /*estimate*/) const {}
+
+ private:
+  bool skips_zero_;
+  ReadingBelief<L> reading_;
+  GaussianUpdate<N, L> update_;
+};
+
+}  // namespace
 
 KalmanFilter::KalmanFilter(const SystemModel& model, const KalmanFilterOptions& options,
                            std::vector<std::vector<int>> rows)
-    : core_(model),
-      correction_(std::move(rows), model.num_measurements(), options.vector),
-      belief_(options.start.gaussian(model.num_states())) {}
+    : VectorFilter(make_kernel(model, options), model, options, std::move(rows)) {}
 
-const Estimate& KalmanFilter::step(std::int64_t step, const MeasurementSet& measurements,
-                                   const Eigen::VectorXd& /*known_input*/) {
-  using Result = PacketChoice::Result;
-  const Result result = correction_.step(step, measurements, core_, belief_, estimate_);
-  if (result == Result::kCorrected) {
-    score_ = chi_square_distribution(correction_.distance(), core_.num_rows());
-  } else if (result == Result::kRefusedByGate) {
-    score_ = correction_.refused_score();
+std::unique_ptr<VectorKernel> make_kernel(const SystemModel& model,
+                                          const KalmanFilterOptions& options) {
+  return make_vector_kernel<KalmanMethod>(
+      model, options.linearisation, options.start.gaussian(model.num_states()),
+      [&options]<int N, int L>() { return KalmanMethod<N, L>(options.skip_zero); });
+}
+
+void KalmanFilter::judge(const Finding& finding, Estimate& estimate) {
+  using Choice = PacketChoice::Result;
+  if (finding.choice == Choice::kRefusedByGate) {
+    score_ = finding.refused_score;
+  } else if (finding.choice == Choice::kCorrected) {
+    // A vector of zeros that is skipped is certain to be forced.
+    score_ = finding.result.kind == VectorResult::Kind::kSkipped
+                 ? 1.0
+                 : chi_square_distribution(finding.result.squared_distance, finding.num_rows);
   }
-  estimate_.mean = belief_.mean;
-  estimate_.covariance = belief_.covariance;
-  estimate_.attack_probability = score_;
-  return estimate_;
+  estimate.attack_probability = score_;
 }
 
 }  // namespace holdfast

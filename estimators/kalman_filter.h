@@ -1,39 +1,33 @@
 #pragma once
 
+#include <memory>
 #include <vector>
 
-#include "estimators/baseline_options.h"
-#include "estimators/estimator.h"
-#include "estimators/kalman_core.h"
-#include "estimators/vector_correction.h"
+#include "estimators/vector_filter.h"
 
 namespace holdfast {
 
-/// Extended Kalman filter that knows of no attack: the standard to compare with.
+/// Kalman filter that knows of no attack: the standard to compare with. Extended, unscented or
+/// cubature for a nonlinear model; with a chi-square gate or blind to exact zeros on request.
 ///
-/// x_1 ~ start before Z_1. Each step predicts (not the first) and is corrected by one vector of
-/// Z_k, chosen by PacketChoice; rows without a packet leave C and R. attack_probability is the
-/// score P(chi-square with the vector's rows <= nu' S^-1 nu), of the nearest packet when the gate
-/// left out all; without packets the last score stands.
-class KalmanFilter : public Estimator {
+/// Each step predicts (not the first, unless the start is x_0) and is corrected by one vector of
+/// Z_k. attack_probability is the score P(chi-square with the vector's rows <= nu' S^-1 nu), of the
+/// nearest packet when the gate left out all; without packets the last score stands.
+class KalmanFilter : public VectorFilter {
  public:
   /// rows[s]: rows of y that a packet of source s carries. Throws UsageError when model, options
   /// and rows do not fit.
   KalmanFilter(const SystemModel& model, const KalmanFilterOptions& options,
                std::vector<std::vector<int>> rows);
 
-  const Estimate& step(std::int64_t step, const MeasurementSet& measurements,
-                       const Eigen::VectorXd& known_input) override;
-
-  /// Packets refused since construction.
-  std::int64_t refused_packets() const { return correction_.refused_packets(); }
-
  private:
-  KalmanCore core_;
-  VectorCorrection correction_;
-  Gaussian belief_;
+  void judge(const Finding& finding, Estimate& estimate) override;
+
   double score_ = 0.0;
-  Estimate estimate_;
 };
+
+/// The arithmetic of that filter alone. Throws UsageError when model and options do not fit.
+std::unique_ptr<VectorKernel> make_kernel(const SystemModel& model,
+                                          const KalmanFilterOptions& options);
 
 }  // namespace holdfast

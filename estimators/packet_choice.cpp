@@ -14,7 +14,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 }  // namespace
 
 PacketChoice::PacketChoice(PacketRule rule, double gate_probability, const PacketInbox& inbox)
-    : rule_(rule), needs_distances_(rule == PacketRule::kNearest || gate_probability < 1.0) {
+    : rule_(rule), is_gated_(gate_probability < 1.0) {
   if (!(gate_probability > 0.0 && gate_probability <= 1.0)) {
     throw UsageError("gate_probability must be above 0 and at most 1");
   }
@@ -30,7 +30,18 @@ PacketChoice::Result PacketChoice::correct(const PacketInbox& inbox, std::span<K
                                            Estimate& estimate) {
   if (inbox.num_usable() == 0) return Result::kNoPackets;
   for (const KalmanMode& mode : modes) mode.core->observe(*mode.belief);
-  const bool is_chosen = choose(inbox, modes);
+  const bool is_chosen =
+      choose(inbox, [modes](std::span<const UsablePacket> packets, const std::vector<int>& rows,
+                            std::span<double> distances) {
+        std::fill(distances.begin(), distances.end(), kInfinity);
+        for (const KalmanMode& mode : modes) {
+          if (!mode.core->use_rows(rows)) return false;
+          for (std::size_t p = 0; p < packets.size(); ++p) {
+            distances[p] = std::min(distances[p], mode.core->innovate(packets[p].values));
+          }
+        }
+        return true;
+      });
   if (is_chosen && rows_.empty()) return Result::kRefusedByGate;
   if (!is_chosen || !std::all_of(modes.begin(), modes.end(), [this](const KalmanMode& mode) {
         return mode.core->use_rows(rows_);
@@ -46,29 +57,10 @@ PacketChoice::Result PacketChoice::correct(const PacketInbox& inbox, std::span<K
   return Result::kCorrected;
 }
 
-bool PacketChoice::choose(const PacketInbox& inbox, std::span<const KalmanMode> modes) {
+void PacketChoice::begin() {
   rows_.clear();
   values_.clear();
   refused_score_ = 0.0;
-  for (int s = 0; s < inbox.num_sources(); ++s) {
-    const std::span<const UsablePacket> packets = inbox.packets(s);
-    if (packets.empty()) continue;
-    if (needs_distances_ && !find_distances(packets, inbox.rows(s), modes)) return false;
-    take(packets, inbox.rows(s), gates_[static_cast<std::size_t>(s)]);
-  }
-  return true;
-}
-
-bool PacketChoice::find_distances(std::span<const UsablePacket> packets,
-                                  const std::vector<int>& rows, std::span<const KalmanMode> modes) {
-  distances_.assign(packets.size(), kInfinity);
-  for (const KalmanMode& mode : modes) {
-    if (!mode.core->use_rows(rows)) return false;
-    for (std::size_t p = 0; p < packets.size(); ++p) {
-      distances_[p] = std::min(distances_[p], mode.core->innovate(packets[p].values));
-    }
-  }
-  return true;
 }
 
 void PacketChoice::take(std::span<const UsablePacket> packets, const std::vector<int>& rows,
@@ -76,7 +68,7 @@ void PacketChoice::take(std::span<const UsablePacket> packets, const std::vector
   const std::size_t begin = values_.size();
   double num_taken = 0.0, nearest = kInfinity;
   for (std::size_t p = 0; p < packets.size(); ++p) {
-    const double distance = needs_distances_ ? distances_[p] : 0.0;
+    const double distance = distances_[p];
     const bool is_nearer = distance < nearest;
     nearest = std::min(nearest, distance);
     if (distance > gate) continue;

@@ -47,6 +47,25 @@ class PacketChoice {
   /// of the estimate.
   Result correct(const PacketInbox& inbox, std::span<KalmanMode> modes, Estimate& estimate);
 
+  /// Chooses the vector only. find_distances(packets of one source, their rows, distances): sets
+  /// one distance per packet, or returns false, and then so does this. No rows: the gate left out
+  /// all.
+  template <class FindDistances>
+  bool choose(const PacketInbox& inbox, const FindDistances& find_distances) {
+    begin();
+    for (int s = 0; s < inbox.num_sources(); ++s) {
+      const std::span<const UsablePacket> packets = inbox.packets(s);
+      if (packets.empty()) continue;
+      distances_.assign(packets.size(), 0.0);
+      if (needs_distances(packets.size()) &&
+          !find_distances(packets, inbox.rows(s), std::span<double>(distances_))) {
+        return false;
+      }
+      take(packets, inbox.rows(s), gates_[static_cast<std::size_t>(s)]);
+    }
+    return true;
+  }
+
   /// The latest vector, and the rows of y that it has.
   const std::vector<int>& rows() const { return rows_; }
   const std::vector<double>& values() const { return values_; }
@@ -55,14 +74,15 @@ class PacketChoice {
   double refused_score() const { return refused_score_; }
 
  private:
-  bool choose(const PacketInbox& inbox, std::span<const KalmanMode> modes);
-  bool find_distances(std::span<const UsablePacket> packets, const std::vector<int>& rows,
-                      std::span<const KalmanMode> modes);
+  void begin();
+  bool needs_distances(std::size_t num_packets) const {
+    return is_gated_ || (rule_ == PacketRule::kNearest && num_packets > 1);
+  }
   void take(std::span<const UsablePacket> packets, const std::vector<int>& rows, double gate);
 
   PacketRule rule_;
   std::vector<double> gates_;  // of each source; infinite without a gate
-  bool needs_distances_;
+  bool is_gated_;
   std::vector<double> distances_;
   std::vector<int> rows_;
   std::vector<double> values_;

@@ -18,7 +18,7 @@ void SigmaPoints::set(const double* mean, const double* covariance, int width, i
   }
   padded::factorise(factor_.data(), own_width, size, reciprocals_.data(),
                     padded::Pivots::kNonNegative);
-  const double spread = std::sqrt(size + 1.0);
+  const double spread = std::sqrt(size + rule_.kappa);
   std::copy_n(mean, size, points_.data());
   for (int i = 0; i < size; ++i) {
     double* const above = points_.data() + (2 * i + 1) * size;

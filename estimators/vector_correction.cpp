@@ -21,7 +21,7 @@ PacketChoice::Result VectorCorrection::step(std::int64_t step, const Measurement
   const PacketChoice::Result result = choice_.correct(inbox_, {&mode, 1}, estimate);
   innovation_.clear(estimate);
   if (result == PacketChoice::Result::kCorrected) {
-    innovation_.publish(core, estimate);
+    innovation_.publish(core.innovation(), core.innovation_covariance(), estimate);
     distance_ = mode.distance;
   }
   return result;

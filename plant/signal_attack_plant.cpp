@@ -28,6 +28,7 @@ void SignalAttackPlantOptions::read(ConfigurationMap& map, const SystemModel& mo
   start_state.resize(n, 0.0);
   start_std.resize(n, 0.0);
   map.read("start_state", start_state, n);
+  map.read("start_step", start_step, {0.0, 1.0});
   map.read_shared("start_std", start_std, n, kNonNegative);
   for (ConfigurationMap& entry : map.maps("signal_attacks")) {
     SignalAttack attack;
@@ -122,7 +123,7 @@ void SignalAttackPlant::measure(std::uint32_t step) {
 
 const PlantStep& SignalAttackPlant::advance() {
   const auto step = static_cast<std::uint32_t>(++step_.step);
-  if (step > 1) move(step - 1);
+  if (step > 1 || options_.start_step == 0) move(step - 1);
   set_attack();
   measure(step);
   return step_;

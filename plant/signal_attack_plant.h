@@ -21,11 +21,13 @@ struct SignalAttack {
 
 /// YAML keys below "plant" have these names.
 struct SignalAttackPlantOptions {
-  std::vector<double> start_state;  // [n], x_1
+  std::vector<double> start_state;  // [n], x at start_step
+  int start_step = 1;               // 0: x_0, which moves once before the first reading
   std::vector<double> start_std;    // [n], of a random start around it; zeros: none
   std::vector<SignalAttack> signal_attacks;
 
-  /// Keys start_state, start_std and signal_attacks: a list of {channel, window, waveform ...}.
+  /// Keys start_state, start_step, start_std and signal_attacks: a list of {channel, window,
+  /// waveform ...}.
   void read(ConfigurationMap& map, const SystemModel& model, const std::string& folder);
 };
 

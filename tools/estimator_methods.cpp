@@ -4,11 +4,14 @@
 #include <array>
 #include <cctype>
 
+#include "estimators/attack_mixture.h"
+#include "estimators/gslr.h"
 #include "estimators/hybrid_bernoulli_filter.h"
 #include "estimators/interacting_multiple_model.h"
 #include "estimators/joint_input_state.h"
 #include "estimators/kalman_filter.h"
 #include "estimators/probabilistic_data_association.h"
+#include "tools/bounds/attack_oracle.h"
 #include "tools/bounds/clairvoyant_filter.h"
 #include "tools/tied_beliefs.h"
 
@@ -105,27 +108,41 @@ void read_clairvoyant(ConfigurationMap& map, const MethodContext& context, Estim
   set_maker<ClairvoyantFilter>(context, model, std::move(options), entry);
 }
 
+void read_attack_oracle(ConfigurationMap& map, const MethodContext& context,
+                        EstimatorEntry& entry) {
+  read_for_system<AttackOracle, AttackOracleOptions>(map, context, entry);
+  if (entry.input != EstimatorEntry::Input::kTold) {
+    map.problem("input", "must be told: this filter knows the truth");
+  }
+}
+
 struct Method {
   const char* name;
-  bool needs_vectors;           // a plant with vector readings, else one with binary sensors
+  bool needs_vectors;  // a plant with vector readings, else one with binary sensors
+  bool can_smooth;
   EstimatorEntry::Input input;  // where the scenario says nothing
   void (*read)(ConfigurationMap&, const MethodContext&, EstimatorEntry&);
 };
 
 constexpr std::array kMethods = {
-    Method{"secure_particle_filter", false, EstimatorEntry::Input::kReceived,
+    Method{"secure_particle_filter", false, false, EstimatorEntry::Input::kReceived,
            read_secure_particle_filter},
-    Method{"hybrid_bernoulli", true, EstimatorEntry::Input::kReceived,
+    Method{"hybrid_bernoulli", true, false, EstimatorEntry::Input::kReceived,
            read_for_system<HybridBernoulliFilter, HybridBernoulliOptions>},
-    Method{"kalman_filter", true, EstimatorEntry::Input::kReceived,
+    Method{"gslr", true, true, EstimatorEntry::Input::kReceived,
+           read_for_system<Gslr, GslrOptions>},
+    Method{"attack_mixture", true, true, EstimatorEntry::Input::kReceived,
+           read_for_system<AttackMixture, AttackMixtureOptions>},
+    Method{"kalman_filter", true, true, EstimatorEntry::Input::kReceived,
            read_for_system<KalmanFilter, KalmanFilterOptions>},
-    Method{"probabilistic_data_association", true, EstimatorEntry::Input::kReceived,
+    Method{"probabilistic_data_association", true, false, EstimatorEntry::Input::kReceived,
            read_for_system<ProbabilisticDataAssociation, ProbabilisticDataAssociationOptions>},
-    Method{"joint_input_state", true, EstimatorEntry::Input::kReceived,
+    Method{"joint_input_state", true, false, EstimatorEntry::Input::kReceived,
            read_for_system<JointInputState, JointInputStateOptions>},
-    Method{"interacting_multiple_model", true, EstimatorEntry::Input::kReceived,
+    Method{"interacting_multiple_model", true, false, EstimatorEntry::Input::kReceived,
            read_for_system<InteractingMultipleModel, InteractingMultipleModelOptions>},
-    Method{"clairvoyant", true, EstimatorEntry::Input::kAuthentic, read_clairvoyant},
+    Method{"attack_oracle", true, true, EstimatorEntry::Input::kTold, read_attack_oracle},
+    Method{"clairvoyant", true, false, EstimatorEntry::Input::kAuthentic, read_clairvoyant},
 };
 
 std::string method_names(bool has_vectors) {
@@ -145,6 +162,12 @@ std::unique_ptr<Estimator> SecureParticleFilterMaker::operator()(std::uint64_t s
                                                 "estimator/particles");
 }
 
+std::optional<SmoothedStream> fixed_lag_stream(const EstimatorEntry& entry, Estimator& estimator) {
+  if (!entry.is_smoothed || entry.lag_steps == 0) return std::nullopt;
+  return SmoothedStream(dynamic_cast<SmoothingEstimator&>(estimator),
+                        static_cast<std::size_t>(entry.lag_steps));
+}
+
 void read_method(ConfigurationMap& map, const MethodContext& context, EstimatorEntry& entry) {
   const bool has_vectors = context.plant.has_vector_readings();
   entry.method = has_vectors ? "hybrid_bernoulli" : "secure_particle_filter";
@@ -160,8 +183,16 @@ void read_method(ConfigurationMap& map, const MethodContext& context, EstimatorE
   map.read_choice("input", entry.input,
                   {{"received", EstimatorEntry::Input::kReceived},
                    {"clean", EstimatorEntry::Input::kClean},
-                   {"authentic", EstimatorEntry::Input::kAuthentic}});
+                   {"authentic", EstimatorEntry::Input::kAuthentic},
+                   {"told", EstimatorEntry::Input::kTold}});
+  if (entry.input == EstimatorEntry::Input::kTold && method->input != entry.input) {
+    map.problem("input", "'" + entry.method + "' cannot be told anything");
+  }
   method->read(map, context, entry);
+  if (!map.has("smoother")) return;
+  entry.is_smoothed = true;
+  map.map("smoother").read("lag_steps", entry.lag_steps, {0.0, 100000.0});
+  if (!method->can_smooth) map.problem("smoother", "'" + entry.method + "' cannot look back");
 }
 
 }  // namespace holdfast

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "common/models/binary_target/binary_target_model.h"
 #include "estimators/estimator.h"
 #include "estimators/secure_particle_filter.h"
+#include "estimators/smoothed_stream.h"
 #include "tools/plant_setup.h"
 
 namespace holdfast {
@@ -17,18 +19,23 @@ namespace holdfast {
 /// One estimator of a scenario: one of ours, or an outside command.
 struct EstimatorEntry {
   /// kClean: what the sensors would have sent; kAuthentic: the packets that no rule touched, and
-  /// whether a signal attack acts. Both in campaigns only.
-  enum class Input { kReceived, kClean, kAuthentic };
+  /// whether a signal attack acts; kTold: what was received, and what was done to it. All but the
+  /// first in campaigns only.
+  enum class Input { kReceived, kClean, kAuthentic, kTold };
 
   std::string name;
   std::string command;  // of an outside program; empty for ours
   std::string method;
   Input input = Input::kReceived;
-  std::string kernel;  // numeric kernel that it computes with
+  std::string kernel;          // numeric kernel that it computes with
+  bool is_smoothed = false;    // its smoothed estimates are wanted too
+  std::int64_t lag_steps = 0;  // of them; 0: at the end of the run, by all of it
   /// Makes the estimator of one run from the scenario's seed; empty for an outside program.
   std::function<std::unique_ptr<Estimator>(std::uint64_t seed, std::uint32_t run)> make;
 
   bool is_outside() const { return !command.empty(); }
+  /// Name under which the smoothed estimates are scored.
+  std::string smoothed_name() const { return name + "_smoothed"; }
   bool is_campaign_only() const { return input != Input::kReceived; }
 };
 
@@ -47,6 +54,10 @@ struct SecureParticleFilterMaker {
 
   std::unique_ptr<Estimator> operator()(std::uint64_t seed, std::uint32_t run) const;
 };
+
+/// The stream of smoothed estimates of an entry that wants them with a fixed lag; none for others,
+/// which look back when the run is over. The estimator must not have taken a step yet.
+std::optional<SmoothedStream> fixed_lag_stream(const EstimatorEntry& entry, Estimator& estimator);
 
 /// Reads method, input and the method's own keys. Reports a method that is not there or does not
 /// fit the plant.

@@ -26,7 +26,9 @@ EstimatorProcess::EstimatorProcess(const Experiment& experiment, const Estimator
       estimator_(make_live_estimator(experiment, entry)),
       session_(*estimator_, experiment.num_steps, experiment.step_s()),
       estimate_channel_(channel_name("EST_", entry.name)),
-      timing_channel_(channel_name("TIMING_", entry.name)) {
+      timing_channel_(channel_name("TIMING_", entry.name)),
+      smoothed_channel_(channel_name("SMOOTHED_", entry.name)),
+      smoothed_(fixed_lag_stream(entry, *estimator_)) {
   link.subscribe<measurement_set_t>(
       "MEASUREMENT", [this](const measurement_set_t& received) { on_set(received); });
 }
@@ -52,7 +54,17 @@ void EstimatorProcess::publish(const Estimate& estimate) {
   const bool is_ok =
       estimate.outcome == StepOutcome::kOk || estimate.outcome == StepOutcome::kNoPackets;
   if (!is_ok) ++status_.counter("steps_not_ok");
+  if (smoothed_) publish_smoothed();
   started_ns_ = monotonic_time_ns();
+}
+
+void EstimatorProcess::publish_smoothed() {
+  const auto publish_one = [this](const Estimate& estimate) {
+    to_message(estimate, message_);
+    link_.publish(smoothed_channel_, message_);
+  };
+  smoothed_->on_step(publish_one);
+  if (session_.is_finished()) smoothed_->finish(publish_one);
 }
 
 void EstimatorProcess::publish_status() {

@@ -42,6 +42,9 @@ void read_estimators(ConfigurationMap& root, Experiment& experiment) {
       continue;
     }
     read_method(map, context, entry);
+    if (entry.is_smoothed && !names.insert(entry.smoothed_name()).second) {
+      map.problem("smoother", "'" + entry.smoothed_name() + "' is taken");
+    }
     experiment.estimators.push_back(std::move(entry));
   }
 }
@@ -177,6 +180,16 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
 }
 
 }  // namespace
+
+std::vector<std::string> Experiment::scored_names() const {
+  std::vector<std::string> scored;
+  for (const EstimatorEntry& entry : estimators) {
+    if (entry.is_outside()) continue;
+    scored.push_back(entry.name);
+    if (entry.is_smoothed) scored.push_back(entry.smoothed_name());
+  }
+  return scored;
+}
 
 const EstimatorEntry& Experiment::estimator(const std::string& estimator_name) const {
   for (const EstimatorEntry& entry : estimators) {

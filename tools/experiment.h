@@ -48,6 +48,9 @@ struct Experiment {
   /// Numeric kernels of the estimators, for RUN_META: one name, or "name=kernel" for each when they
   /// differ. Equal bits are promised for equal kernels only.
   std::string kernel_text() const;
+  /// Under which names a campaign scores our estimators, in order: each, then its smoothed
+  /// estimates.
+  std::vector<std::string> scored_names() const;
   const EstimatorEntry& estimator(const std::string& estimator_name) const;  // throws UsageError
 
   std::unique_ptr<Plant> make_plant(std::uint32_t run) const;

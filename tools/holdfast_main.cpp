@@ -23,6 +23,7 @@ constexpr Command kCommands[] = {
     {"attacker", "the man in the middle between two buses"},
     {"can-driver", "frames of a bus to measurement sets"},
     {"estimator", "run an estimator live or on a log"},
+    {"smoother", "look back over a whole log"},
 };
 
 void list_commands(std::ostream& stream) {

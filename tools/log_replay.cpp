@@ -5,6 +5,7 @@
 #include <holdfast/measurement_set_t.hpp>
 #include <holdfast/run_meta_t.hpp>
 #include <iostream>
+#include <optional>
 
 #include "common/log_file.h"
 #include "common/measurement_messages.h"
@@ -12,6 +13,7 @@
 #include "common/status.h"
 #include "estimators/estimate_messages.h"
 #include "estimators/estimator_session.h"
+#include "estimators/smoothed_stream.h"
 #include "tools/experiment.h"
 
 namespace holdfast {
@@ -21,21 +23,31 @@ struct Replayed {
   std::string channel;
   std::unique_ptr<Estimator> estimator;
   EstimatorSession session;
+  std::optional<SmoothedStream> smoothed;  // with a fixed lag
+  std::string smoothed_channel;
 };
 
 }  // namespace
 
-void replay_log(const std::string& log_file, const std::string& out_file, const std::string& name) {
+void check_new_log(const std::string& log_file, const std::string& out_file) {
   std::error_code error;
   if (std::filesystem::equivalent(log_file, out_file, error)) {
     throw UsageError(out_file + ": is the log to be read; name another file for the new one");
   }
+}
+
+void warn_of_kernel(const std::string& program, const Experiment& experiment, const RunMeta& meta) {
+  const std::string kernel = experiment.kernel_text();
+  if (kernel == meta.kernel) return;
+  std::cerr << program << ": the log was made with kernel " << meta.kernel << ", this is " << kernel
+            << ": estimates may differ in their last bits" << std::endl;
+}
+
+void replay_log(const std::string& log_file, const std::string& out_file, const std::string& name) {
+  check_new_log(log_file, out_file);
   const RunMeta meta = read_run_meta(log_file);
   const Experiment experiment = experiment_from_text(meta.scenario, log_file + " (RUN_META)");
-  if (const std::string kernel = experiment.kernel_text(); kernel != meta.kernel) {
-    std::cerr << "holdfast-estimator: the log was made with kernel " << meta.kernel << ", this is "
-              << kernel << ": estimates may differ in their last bits" << std::endl;
-  }
+  warn_of_kernel("holdfast-estimator", experiment, meta);
   std::vector<Replayed> replayed;
   if (!name.empty()) experiment.estimator(name);
   for (const EstimatorEntry& entry : experiment.estimators) {
@@ -43,8 +55,9 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
     if (!is_wanted || entry.is_outside() || entry.is_campaign_only()) continue;
     auto estimator = experiment.make_estimator(entry, static_cast<std::uint32_t>(meta.run));
     EstimatorSession session(*estimator, experiment.num_steps, experiment.step_s());
-    replayed.push_back(
-        {channel_name("EST_", entry.name), std::move(estimator), std::move(session)});
+    auto smoothed = fixed_lag_stream(entry, *estimator);
+    replayed.push_back({channel_name("EST_", entry.name), std::move(estimator), std::move(session),
+                        std::move(smoothed), channel_name("SMOOTHED_", entry.name)});
   }
   if (replayed.empty())
     throw UsageError(log_file + ": its scenario has no estimator that could be run again");
@@ -65,9 +78,16 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
     writer.write(event.channel, message.utime, event.data);
     from_message(message, set);
     for (Replayed& one : replayed) {
-      one.session.on_set(set, [&](const Estimate& estimate) {
+      const auto write = [&](const std::string& channel, const Estimate& estimate) {
         to_message(estimate, out);
-        writer.write_message(one.channel, estimate.utime, out);
+        writer.write_message(channel, estimate.utime, out);
+      };
+      one.session.on_set(set, [&](const Estimate& estimate) {
+        write(one.channel, estimate);
+        if (!one.smoothed) return;
+        const auto write_smoothed = [&](const Estimate& e) { write(one.smoothed_channel, e); };
+        one.smoothed->on_step(write_smoothed);
+        if (one.session.is_finished()) one.smoothed->finish(write_smoothed);
       });
     }
   }

@@ -185,7 +185,7 @@ class Reviewer {
                              [](const auto& entry) { return entry.second->samples.size(); });
     if (all.size() > kOutsidersMax) {
       warn("left out: " + std::to_string(all.size() - kOutsidersMax) +
-           " channels EST_* that the scenario does not name, those with fewest estimates");
+           " channels of estimates that the scenario does not name, those with fewest estimates");
       all.resize(kOutsidersMax);
     }
     return {all.begin(), all.end()};
@@ -193,7 +193,8 @@ class Reviewer {
 
   void review_estimator(const EstimatorTrace& estimator, const std::string& suffix,
                         EstimatorReview review) {
-    review.channel = "EST_" + suffix;
+    review.trace_key = suffix;
+    review.channel = estimate_channel(suffix);
     review.repeated_steps = estimator.repeated;
     review.missing_steps =
         review.is_campaign_only

@@ -29,6 +29,7 @@ struct TimeSummary {
 /// How one estimator did in one log.
 struct EstimatorReview {
   std::string name, channel;
+  std::string trace_key;  // among LogTrace::estimators
   bool is_in_scenario = false;
   bool is_campaign_only = false;    // sees clean measurements, so it publishes nothing live
   std::int64_t num_steps = 0;       // with both truth and a finite estimate

@@ -38,7 +38,7 @@ class LogCollector {
     for (const char* process : {"plant", "driver", "attacker"})
       known_channels_.insert(channel_name("STATUS_", process));
     for (const auto& [name, is_campaign_only] : facts.estimators) {
-      for (const char* prefix : {"EST_", "TIMING_", "STATUS_"})
+      for (const char* prefix : {"EST_", "TIMING_", "STATUS_", "SMOOTHED_"})
         known_channels_.insert(channel_name(prefix, name));
     }
   }
@@ -147,6 +147,10 @@ class LogCollector {
     if (channel.starts_with("EST_")) {
       take<estimate_t>(event, [&](const estimate_t& m, ChannelTrouble& t) {
         on_estimate(m, trace_.estimators[suffix("EST_")], t);
+      });
+    } else if (channel.starts_with("SMOOTHED_")) {
+      take<estimate_t>(event, [&](const estimate_t& m, ChannelTrouble& t) {
+        on_estimate(m, trace_.estimators[suffix("SMOOTHED_") + kSmoothedSuffix], t);
       });
     } else if (channel.starts_with("TIMING_")) {
       take<timing_t>(event, [&](const timing_t& m, ChannelTrouble&) {
@@ -266,6 +270,11 @@ class LogCollector {
 };
 
 }  // namespace
+
+std::string estimate_channel(const std::string& key) {
+  if (!key.ends_with(kSmoothedSuffix)) return "EST_" + key;
+  return "SMOOTHED_" + key.substr(0, key.size() - std::string(kSmoothedSuffix).size());
+}
 
 LogTrace collect_trace(LogReader& reader, const ScenarioFacts& facts, std::int64_t& num_events) {
   LogTrace trace;

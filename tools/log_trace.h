@@ -36,6 +36,11 @@ struct StepTime {
   double time_us = 0.0;
 };
 
+/// Ends the key of SMOOTHED_<NAME> among the estimators of a trace; EST_<NAME> has the key <NAME>.
+inline constexpr const char* kSmoothedSuffix = "_SMOOTHED";
+/// The channel of that key.
+std::string estimate_channel(const std::string& key);
+
 /// What the events of one estimator leave behind.
 struct EstimatorTrace {
   std::map<std::int64_t, Sample> samples;  // by step

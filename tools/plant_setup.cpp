@@ -44,7 +44,8 @@ void PlantSetup::read(ConfigurationMap map, const std::string& folder) {
     if (is_usable()) {
       std::get<SystemSetup>(kind).options.read(map, this->system()->model(), folder);
     } else {
-      for (const char* key : {"start_state", "start_std", "signal_attacks"}) map.raw(key);
+      for (const char* key : {"start_state", "start_step", "start_std", "signal_attacks"})
+        map.raw(key);
     }
     return;
   }

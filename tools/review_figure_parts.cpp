@@ -27,7 +27,7 @@ FigureContext figure_context(const ReviewedLog& log) {
   context.spans = attack_spans(log.review.is_attacked, context.note);
   std::size_t num_left_out = 0;
   for (const EstimatorReview& estimator : log.review.estimators) {
-    const auto found = log.trace->estimators.find(estimator.channel.substr(4));  // after EST_
+    const auto found = log.trace->estimators.find(estimator.trace_key);
     if (found == log.trace->estimators.end() || found->second.samples.empty()) continue;
     if (context.estimators.size() == kEstimatorsMax) {
       ++num_left_out;

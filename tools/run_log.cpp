@@ -15,6 +15,7 @@
 #include "common/status.h"
 #include "drivers/can/can_messages.h"
 #include "estimators/estimate_messages.h"
+#include "estimators/smoothed_stream.h"
 #include "plant/truth_messages.h"
 #include "tools/simulation.h"
 
@@ -23,9 +24,16 @@ namespace {
 
 class RunLog {
  public:
-  RunLog(const Experiment& experiment, LogWriter& writer)
+  RunLog(const Experiment& experiment, LogWriter& writer, Simulation& simulation)
       : experiment_(experiment), writer_(writer) {
     frames_.bus = "loop:";
+    for (std::size_t i = 0; i < simulation.entries().size(); ++i) {
+      const EstimatorEntry& entry = *simulation.entries()[i];
+      if (!entry.is_smoothed) continue;
+      auto& estimator = dynamic_cast<SmoothingEstimator&>(simulation.estimator(i));
+      smoothed_.push_back({channel_name("SMOOTHED_", entry.name),
+                           SmoothedStream(estimator, static_cast<std::size_t>(entry.lag_steps))});
+    }
   }
 
   void write(const Simulation& simulation) {
@@ -47,9 +55,26 @@ class RunLog {
       to_message(*simulation.estimates()[i], estimate_);
       writer_.write_message(channel_name("EST_", simulation.entries()[i]->name), utime, estimate_);
     }
+    for (Smoothed& one : smoothed_) one.stream.on_step(writing(one));
+  }
+
+  void finish() {
+    for (Smoothed& one : smoothed_) one.stream.finish(writing(one));
   }
 
  private:
+  struct Smoothed {
+    std::string channel;
+    SmoothedStream stream;
+  };
+
+  SmoothedStream::OnEstimate writing(const Smoothed& one) {
+    return [this, &one](const Estimate& estimate) {
+      to_message(estimate, estimate_);
+      writer_.write_message(one.channel, estimate.utime, estimate_);
+    };
+  }
+
   // The simulated buses lose nothing: the driver reads what the attacker sent.
   void write_frames(const Simulation& simulation, std::int64_t utime) {
     frames_.utime = utime;
@@ -71,6 +96,7 @@ class RunLog {
   measurement_set_t measurement_;
   estimate_t estimate_;
   std::int64_t num_frames_ = 0;
+  std::vector<Smoothed> smoothed_;
 };
 
 }  // namespace
@@ -80,9 +106,10 @@ void write_run_log(const Experiment& experiment, std::uint32_t run, const std::s
   run_meta_t meta = to_message(RunMeta{experiment.name, experiment.resolved, experiment.seed, run,
                                        experiment.kernel_text()});
   writer.write_message("RUN_META", 0, meta);
-  RunLog log(experiment, writer);
   Simulation simulation(experiment, run);
+  RunLog log(experiment, writer, simulation);
   while (simulation.advance()) log.write(simulation);
+  log.finish();
   writer.finish_as(file);
 }
 

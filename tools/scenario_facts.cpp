@@ -40,7 +40,7 @@ std::string family_of(const YAML::Node& root) {
 }
 
 bool is_campaign_input(const std::string& input) {
-  return input == "clean" || input == "authentic";
+  return input == "clean" || input == "authentic" || input == "told";
 }
 
 ScenarioFacts read_facts(const std::string& yaml) {
@@ -65,8 +65,11 @@ ScenarioFacts read_facts(const std::string& yaml) {
   }
   for (const YAML::Node& node : items(root["estimators"])) {
     if (!node.IsMap() || facts.estimators.size() == kEntriesMax) continue;
-    facts.estimators.emplace_back(value_or<std::string>(node["name"], ""),
+    const auto name = value_or<std::string>(node["name"], "");
+    facts.estimators.emplace_back(name,
                                   is_campaign_input(value_or<std::string>(node["input"], "")));
+    // Made when the run is over, hence never missed in a log.
+    if (node["smoother"]) facts.estimators.emplace_back(name + "_smoothed", true);
   }
   const YAML::Node campaign = child(root, "campaign");
   if (campaign.IsMap()) {
@@ -124,7 +127,9 @@ std::vector<std::string> campaign_only_channels(const std::string& scenario) {
   std::vector<std::string> channels;
   try {
     for (const auto& [name, is_campaign_only] : read_facts(scenario).estimators) {
-      if (is_campaign_only) channels.push_back(channel_name("EST_", name));
+      if (!is_campaign_only) continue;
+      channels.push_back(channel_name("EST_", name));
+      channels.push_back(channel_name("SMOOTHED_", name));
     }
   } catch (const YAML::Exception&) {
     return {};

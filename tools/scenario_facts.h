@@ -34,8 +34,8 @@ std::string state_label(const ScenarioFacts& facts, int state);
 /// Throws UsageError, which names the place, when the text is no YAML.
 ScenarioFacts read_scenario_facts(const std::string& yaml, const std::string& place);
 
-/// EST_ channels of a resolved scenario whose estimators see clean measurements, so that no live
-/// run has them. None when the text is no scenario.
+/// Channels of estimates of a resolved scenario's estimators that know what only a simulation does,
+/// so that no live run has them. None when the text is no scenario.
 std::vector<std::string> campaign_only_channels(const std::string& scenario);
 
 }  // namespace holdfast

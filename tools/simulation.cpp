@@ -18,8 +18,8 @@ Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
     if (entry.is_outside()) continue;
     entries_.push_back(&entry);
     estimators_.push_back(experiment.make_estimator(entry, run));
-    auto* clairvoyant = dynamic_cast<ClairvoyantFilter*>(estimators_.back().get());
-    if (clairvoyant != nullptr) clairvoyants_.push_back(clairvoyant);
+    auto* told = dynamic_cast<ToldEstimator*>(estimators_.back().get());
+    if (told != nullptr) told_.push_back(told);
     needs_clean_ = needs_clean_ || entry.input == EstimatorEntry::Input::kClean;
     needs_authentic_ = needs_authentic_ || entry.input == EstimatorEntry::Input::kAuthentic;
   }
@@ -78,9 +78,24 @@ const MeasurementSet& Simulation::input_of(const EstimatorEntry& entry) const {
     case EstimatorEntry::Input::kAuthentic:
       return authentic_;
     case EstimatorEntry::Input::kReceived:
+    case EstimatorEntry::Input::kTold:
       break;
   }
   return received_;
+}
+
+AttackHypothesis Simulation::done_to_frames() const {
+  using Action = AttackRule::Action;
+  bool is_forced = false, is_biased = false, is_scaled = false;
+  for (const AttackRecord& record : records_) {
+    is_forced = is_forced || record.acted(Action::kForce);
+    is_biased = is_biased || record.acted(Action::kAdd);
+    is_scaled = is_scaled || record.acted(Action::kScale);
+  }
+  if (is_forced) return AttackHypothesis::kForcedToZero;
+  if (is_biased && is_scaled) return AttackHypothesis::kBoth;
+  if (is_biased) return AttackHypothesis::kBiased;
+  return is_scaled ? AttackHypothesis::kScaled : AttackHypothesis::kUntouched;
 }
 
 bool Simulation::has_signal_attack() const {
@@ -111,7 +126,7 @@ bool Simulation::advance() {
   pass_bus(truth_->readings, assembler_, true, received_);
   if (needs_clean_) pass_bus(truth_->clean_readings, clean_assembler_, false, clean_);
   if (needs_authentic_) keep_authentic();
-  for (ClairvoyantFilter* clairvoyant : clairvoyants_) clairvoyant->tell(has_signal_attack());
+  for (ToldEstimator* told : told_) told->tell({has_signal_attack(), done_to_frames()});
   for (std::size_t i = 0; i < estimators_.size(); ++i) {
     const std::int64_t started_ns = on_step_time ? monotonic_time_ns() : 0;
     estimates_[i] = &estimators_[i]->step(step_, input_of(*entries_[i]), known_input_);

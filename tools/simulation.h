@@ -25,6 +25,8 @@ class Simulation {
   const PlantStep& truth() const { return *truth_; }
   /// Z_k as received, radio channel included.
   const MeasurementSet& measurements() const { return received_; }
+  /// The i-th entry's estimator.
+  Estimator& estimator(std::size_t i) { return *estimators_[i]; }
   const std::vector<const EstimatorEntry*>& entries() const { return entries_; }
   /// Packets of the step that no rule touched.
   std::int64_t num_authentic() const;
@@ -42,6 +44,7 @@ class Simulation {
                 bool has_attacker, MeasurementSet& set);
   bool is_authentic(const Packet& packet) const;
   void keep_authentic();
+  AttackHypothesis done_to_frames() const;
   const MeasurementSet& input_of(const EstimatorEntry& entry) const;
 
   const Experiment& experiment_;
@@ -52,7 +55,7 @@ class Simulation {
   std::unique_ptr<RadioChannel> radio_;
   std::vector<const EstimatorEntry*> entries_;
   std::vector<std::unique_ptr<Estimator>> estimators_;
-  std::vector<ClairvoyantFilter*> clairvoyants_;  // those of estimators_ that are
+  std::vector<ToldEstimator*> told_;  // those of estimators_ that are
   std::vector<const Estimate*> estimates_;
   const PlantStep* truth_ = nullptr;
   MeasurementSet received_, clean_, authentic_;

@@ -5,6 +5,7 @@
 
 #include "common/models/ieee14/ieee14_model.h"
 #include "common/models/system_model.h"
+#include "common/models/turning_target/turning_target_model.h"
 
 namespace holdfast {
 
@@ -12,11 +13,12 @@ namespace holdfast {
 /// Holdfast. A plant has one as truth; an estimator starts from the plant's and reads its own over
 /// it as belief.
 struct SystemSource {
-  enum class Kind { kLinear, kIeee14 };
+  enum class Kind { kLinear, kIeee14, kTurningTarget };
 
   Kind kind = Kind::kLinear;
-  Ieee14Options ieee14;  // of kIeee14
-  SystemModel model;     // what follows
+  Ieee14Options ieee14;                 // of kIeee14
+  TurningTargetOptions turning_target;  // of kTurningTarget
+  SystemModel model;                    // what follows
 
   /// Names of the kinds, as they stand in scenarios.
   static const std::vector<std::string>& kind_names();

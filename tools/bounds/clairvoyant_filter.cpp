@@ -23,7 +23,9 @@ const Estimate& ClairvoyantFilter::step(std::int64_t step, const MeasurementSet&
   KalmanMode mode{&core_, &belief};
   const PacketChoice::Result result = choice_.correct(inbox_, {&mode, 1}, estimate_);
   innovation_.clear(estimate_);
-  if (result == PacketChoice::Result::kCorrected) innovation_.publish(core_, estimate_);
+  if (result == PacketChoice::Result::kCorrected) {
+    innovation_.publish(core_.innovation(), core_.innovation_covariance(), estimate_);
+  }
   publish(belief, step);
   return estimate_;
 }

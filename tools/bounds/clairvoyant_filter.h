@@ -8,6 +8,7 @@
 #include "estimators/kalman_core.h"
 #include "estimators/packet_choice.h"
 #include "estimators/packet_inbox.h"
+#include "tools/bounds/told_estimator.h"
 
 namespace holdfast {
 
@@ -28,14 +29,14 @@ struct ClairvoyantFilterOptions {
 /// certain. input_step: k, or k - 1 when delayed.
 ///
 /// Exact for a linear model. Precondition: sets hold authentic packets only, one of a source.
-class ClairvoyantFilter : public Estimator {
+class ClairvoyantFilter : public Estimator, public ToldEstimator {
  public:
   /// Throws UsageError when model, options and rows do not fit.
   ClairvoyantFilter(const SystemModel& model, const ClairvoyantFilterOptions& options,
                     std::vector<std::vector<int>> rows);
 
   /// Says whether the step that comes next is attacked; holds until said otherwise.
-  void tell(bool is_attacked) { is_attacked_ = is_attacked; }
+  void tell(const ToldTruth& truth) override { is_attacked_ = truth.has_signal_attack; }
 
   const Estimate& step(std::int64_t step, const MeasurementSet& measurements,
                        const Eigen::VectorXd& known_input) override;

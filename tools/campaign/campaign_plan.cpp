@@ -58,7 +58,7 @@ void CampaignPlan::check_size() const {
     const Experiment& experiment = point.experiment;
     const double bytes =
         8.0 * static_cast<double>(num_runs) * static_cast<double>(experiment.num_steps) *
-        static_cast<double>(experiment.estimators.size()) *
+        static_cast<double>(experiment.scored_names().size()) *
         (static_cast<double>(experiment.state_groups.size()) + kCurvesBesideGroups);
     if (bytes > kBytesMax) {
       throw UsageError("the curves of " + std::to_string(num_runs) + " runs would take " +

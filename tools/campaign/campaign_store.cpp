@@ -67,9 +67,8 @@ CampaignStore::CampaignStore(const std::string& file, const CampaignPlan& plan)
       throw UsageError(file + " is another program's database; give --out another file");
     std::vector<StoredPoint> points;
     for (const CampaignPoint& point : plan.points) {
-      points.push_back({point.settings, point.experiment.resolved, {}});
-      for (const EstimatorEntry& entry : point.experiment.estimators)
-        if (!entry.is_outside()) points.back().estimators.push_back(entry.name);
+      points.push_back(
+          {point.settings, point.experiment.resolved, point.experiment.scored_names()});
     }
     make_tables(points, wanted);
   }

@@ -4,8 +4,10 @@
 #include <bit>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "common/clock.h"
+#include "estimators/smoothed_stream.h"
 #include "tools/simulation.h"
 
 namespace holdfast {
@@ -77,6 +79,74 @@ struct RunCounters {
   }
 };
 
+// Scores what estimators say of past steps, hence keeps the truth of all steps.
+class SmoothedScores {
+ public:
+  SmoothedScores(const Experiment& experiment, Simulation& simulation) {
+    for (std::size_t i = 0; i < simulation.entries().size(); ++i) {
+      const EstimatorEntry& entry = *simulation.entries()[i];
+      if (!entry.is_smoothed) continue;
+      auto& estimator = dynamic_cast<SmoothingEstimator&>(simulation.estimator(i));
+      streams_.push_back(
+          {i, SmoothedStream(estimator, static_cast<std::size_t>(entry.lag_steps)),
+           RunScorer(experiment.state_groups, static_cast<std::size_t>(experiment.num_steps))});
+    }
+  }
+
+  void take(const TrueStep& truth) {
+    if (streams_.empty()) return;
+    truths_.push_back({{truth.state.begin(), truth.state.end()},
+                       truth.mode,
+                       truth.is_attacked,
+                       {truth.attack_signal.begin(), truth.attack_signal.end()}});
+    for (Stream& stream : streams_) stream.smoothed.on_step(scoring(stream));
+  }
+
+  /// Scores of the estimator's smoothed estimates, if they are wanted.
+  std::optional<RunScores> finish(std::size_t estimator) {
+    for (Stream& stream : streams_) {
+      if (stream.estimator != estimator) continue;
+      stream.smoothed.finish(scoring(stream));
+      return stream.scorer.finish();
+    }
+    return std::nullopt;
+  }
+
+ private:
+  struct Stream {
+    std::size_t estimator;
+    SmoothedStream smoothed;
+    RunScorer scorer;
+  };
+  struct Truth {
+    std::vector<double> state;
+    int mode;
+    bool is_attacked;
+    std::vector<double> attack_signal;
+  };
+
+  SmoothedStream::OnEstimate scoring(Stream& stream) const {
+    return [this, &stream](const Estimate& estimate) {
+      const Truth& truth = truths_.at(static_cast<std::size_t>(estimate.step - 1));
+      stream.scorer.take(estimate,
+                         {truth.state, truth.mode, truth.is_attacked, truth.attack_signal});
+    };
+  }
+
+  std::vector<Stream> streams_;
+  std::vector<Truth> truths_;
+};
+
+void finish_estimator(const std::string& name, RunScores scores, const Experiment& experiment,
+                      const std::vector<double>& is_attacked, EstimatorResult& result) {
+  result.name = name;
+  result.scores = std::move(scores);
+  const auto probability = result.scores.curves.find("attack_probability");
+  if (probability == result.scores.curves.end()) return;
+  result.detections =
+      detection_events(probability->second, is_attacked, experiment.detection_threshold);
+}
+
 }  // namespace
 
 RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::int64_t run) {
@@ -94,6 +164,7 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
   simulation.on_step_time = [&result](std::size_t i, std::int64_t time_ns) {
     result.estimators[i].step_times.add(time_ns);
   };
+  SmoothedScores smoothed(experiment, simulation);
   std::vector<double> attack_signal;
   RunCounters counters;
   while (simulation.advance()) {
@@ -115,18 +186,20 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
       scorers[i].take(estimate, true_step);
       score_packets(estimate, simulation.attack_records(), scorers[i]);
     }
+    smoothed.take(true_step);
   }
   result.counters = counters.by_name();
+  std::vector<EstimatorResult> finished;
   for (std::size_t i = 0; i < scorers.size(); ++i) {
-    EstimatorResult& estimator = result.estimators[i];
-    estimator.name = simulation.entries()[i]->name;
-    estimator.scores = scorers[i].finish();
-    const auto probability = estimator.scores.curves.find("attack_probability");
-    if (probability != estimator.scores.curves.end()) {
-      estimator.detections =
-          detection_events(probability->second, result.is_attacked, experiment.detection_threshold);
+    const EstimatorEntry& entry = *simulation.entries()[i];
+    finish_estimator(entry.name, scorers[i].finish(), experiment, result.is_attacked,
+                     finished.emplace_back(std::move(result.estimators[i])));
+    if (auto scores = smoothed.finish(i)) {
+      finish_estimator(entry.smoothed_name(), *std::move(scores), experiment, result.is_attacked,
+                       finished.emplace_back());
     }
   }
+  result.estimators = std::move(finished);
   return result;
 }
 

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -10,14 +9,12 @@
 #include "estimators/particle_kernel.h"
 #include "estimators/particle_set.h"
 #include "tests/support/catch.h"
+#include "tests/support/golden.h"
 
 namespace holdfast::testing {
 
 inline nlohmann::json golden(const std::string& file) {
-  const std::string path = std::string(HOLDFAST_SOURCE_DIR) + "/tests/golden/binary_pf/" + file;
-  std::ifstream stream(path);
-  REQUIRE(stream.good());
-  return nlohmann::json::parse(stream);
+  return golden_file("binary_pf/" + file);
 }
 
 inline BinaryTargetModel model_of(const nlohmann::json& params) {

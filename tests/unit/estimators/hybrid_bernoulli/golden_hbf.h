@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -11,29 +10,12 @@
 #include "estimators/hybrid_bernoulli_belief.h"
 #include "estimators/hybrid_bernoulli_options.h"
 #include "tests/support/catch.h"
+#include "tests/support/golden.h"
 
 namespace holdfast::testing {
 
 inline nlohmann::json golden_hbf(const std::string& file) {
-  const std::string path = std::string(HOLDFAST_SOURCE_DIR) + "/tests/golden/hbf/" + file;
-  std::ifstream stream(path);
-  REQUIRE(stream.good());
-  return nlohmann::json::parse(stream);
-}
-
-inline Eigen::VectorXd vector_of(const nlohmann::json& values) {
-  const auto numbers = values.get<std::vector<double>>();
-  return Eigen::Map<const Eigen::VectorXd>(numbers.data(),
-                                           static_cast<Eigen::Index>(numbers.size()));
-}
-
-inline Eigen::MatrixXd matrix_of(const nlohmann::json& rows) {
-  Eigen::MatrixXd matrix(static_cast<Eigen::Index>(rows.size()),
-                         static_cast<Eigen::Index>(rows.at(0).size()));
-  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
-    matrix.row(i) = vector_of(rows.at(static_cast<std::size_t>(i))).transpose();
-  }
-  return matrix;
+  return golden_file("hbf/" + file);
 }
 
 inline SystemModel system_of(const nlohmann::json& model) {

@@ -1,0 +1,165 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "estimators/small_matrix.h"
+
+namespace holdfast {
+
+/// Mean [n] and covariance [n x n] of a belief; N may be Eigen::Dynamic.
+template <int N>
+struct Belief {
+  Small<N> mean;
+  Small<N, N> covariance;
+};
+
+/// What a belief on x says of h(x), before noise and attacks.
+///
+/// Symbols: h [l] mean, Phh [l x l] covariance, Pxh [n x l] covariance with x, J [l x n] Jacobian.
+template <int N, int L>
+struct Observation {
+  Small<L> h;
+  Small<L, L> Phh;
+  Small<N, L> Pxh;
+  Small<L, N> J;  // where h is linear or linearised
+  bool has_jacobian = false;
+
+  // Rows of y that did not arrive: they teach nothing and count in no density.
+  int num_missing = 0;
+  std::array<bool, small_bound(L)> is_missing{};
+
+  /// Takes a row out of h, Phh, Pxh and J.
+  void leave_out(Eigen::Index row) {
+    ++num_missing;
+    is_missing[static_cast<std::size_t>(row)] = true;
+    h[row] = 0.0;
+    Phh.row(row).setZero();
+    Phh.col(row).setZero();
+    Pxh.col(row).setZero();
+    if (has_jacobian) J.row(row).setZero();
+  }
+  /// All rows are there again; must be followed by a new observation.
+  void expect_all() {
+    num_missing = 0;
+    is_missing.fill(false);
+  }
+};
+
+/// What is believed of a reading: y = c h(x) + e, e of any mean, Cov[e] = Omega not correlated with
+/// x; E[y] = mean, Cov[y] = S = c^2 Phh + Omega, Cov[x, y] = c Pxh.
+template <int L>
+struct ReadingBelief {
+  double c = 1.0;
+  Small<L> mean;
+  Small<L, L> S, Omega;
+};
+
+/// What a measurement update made of a reading.
+struct UpdateResult {
+  bool is_definite = false;  // S was positive definite; else the belief stands as it was
+  double squared_distance = 0.0;
+  double log_density = 0.0;
+};
+
+/// One step of x' = F x + w, w ~ N(0, Q): mean F m, covariance F P F' + Q. `cross` [n x n] becomes
+/// Cov[x, x'] = P F', which the smoother needs. `next` may not be `belief`.
+template <int N>
+void predict_linear(const Small<N, N>& F, const Small<N, N>& Q, const Belief<N>& belief,
+                    Small<N, N>& cross, Belief<N>& next) {
+  next.mean.noalias() = F * belief.mean;
+  cross.noalias() = belief.covariance * F.transpose();
+  next.covariance = Q;
+  next.covariance.noalias() += F * cross;
+  symmetrise_small(next.covariance);
+}
+
+/// h(x) = H x.
+template <int N, int L>
+void observe_linear(const Small<L, N>& H, const Belief<N>& belief, Observation<N, L>& observation) {
+  observation.h.noalias() = H * belief.mean;
+  observation.J = H;
+  observation.has_jacobian = true;
+  observation.Pxh.noalias() = belief.covariance * H.transpose();
+  observation.Phh.noalias() = H * observation.Pxh;
+  symmetrise_small(observation.Phh);
+}
+
+/// A reading without attack: c = 1, Omega = R.
+template <int N, int L>
+void believe_reading(const Observation<N, L>& observation, const Small<L, L>& R,
+                     ReadingBelief<L>& reading) {
+  reading.c = 1.0;
+  reading.mean = observation.h;
+  reading.Omega = R;
+  reading.S = observation.Phh + R;
+}
+
+/// Linear minimum-variance update of `prior` by y: gain K = c Pxh S^-1, mean m + K (y - E[y]).
+/// Covariance in Joseph form, (I - K c J) P (I - K c J)' + K Omega K', where a Jacobian is known,
+/// else P - K S K'.
+template <int N, int L>
+class GaussianUpdate {
+ public:
+  /// Weighs the innovation by S; missing rows count in nothing.
+  UpdateResult weigh(const Observation<N, L>& observation, const ReadingBelief<L>& reading,
+                     const Small<L>& y) {
+    whitened_ = y - reading.mean;
+    if (observation.num_missing == 0) return weigh(reading.S, 0);
+    masked_ = reading.S;
+    for (Eigen::Index i = 0; i < y.size(); ++i) {
+      if (!observation.is_missing[static_cast<std::size_t>(i)]) continue;
+      masked_.row(i).setZero();
+      masked_.col(i).setZero();
+      masked_(i, i) = 1.0;
+      whitened_[i] = 0.0;
+    }
+    return weigh(masked_, observation.num_missing);
+  }
+
+  /// Of what was weighed last, with a definite S. `posterior` may be `prior`.
+  void apply(const Belief<N>& prior, const Observation<N, L>& observation,
+             const ReadingBelief<L>& reading, Belief<N>& posterior) {
+    gain_ = reading.c * observation.Pxh;
+    factor_.whiten_right(gain_);
+    posterior.mean = prior.mean;
+    posterior.mean.noalias() += gain_ * whitened_;
+    if (observation.has_jacobian) {
+      factor_.colour_right(gain_);
+      scaled_gain_ = reading.c * gain_;
+      keep_.setIdentity(prior.mean.size(), prior.mean.size());
+      keep_.noalias() -= scaled_gain_ * observation.J;
+      kept_.noalias() = keep_ * prior.covariance;
+      noise_gain_.noalias() = gain_ * reading.Omega;
+      posterior.covariance.noalias() = kept_ * keep_.transpose();
+      posterior.covariance.noalias() += noise_gain_ * gain_.transpose();
+    } else {
+      posterior.covariance = prior.covariance;
+      posterior.covariance.noalias() -= gain_ * gain_.transpose();
+    }
+    symmetrise_small(posterior.covariance);
+  }
+
+ private:
+  static constexpr double kLogTwoPi = 1.8378770664093454835606594728112;
+
+  UpdateResult weigh(const Small<L, L>& S, int num_missing) {
+    UpdateResult result;
+    if (!factor_.factorise(S)) return result;
+    result.is_definite = true;
+    factor_.whiten(whitened_);
+    result.squared_distance = whitened_.squaredNorm();
+    const auto num_rows = static_cast<double>(S.rows() - num_missing);
+    result.log_density =
+        factor_.log_density_factor() - 0.5 * (result.squared_distance + num_rows * kLogTwoPi);
+    return result;
+  }
+
+  SmallCholesky<L> factor_;
+  Small<L> whitened_;
+  Small<L, L> masked_;
+  Small<N, L> gain_, scaled_gain_, noise_gain_;
+  Small<N, N> keep_, kept_;
+};
+
+}  // namespace holdfast

@@ -1,0 +1,203 @@
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "common/errors.h"
+#include "estimators/kalman_core.h"
+#include "estimators/site_smoother.h"
+#include "estimators/sized_model.h"
+#include "estimators/vector_kernel.h"
+
+namespace holdfast {
+
+/// A VectorKernel in sizes N and L (or Eigen::Dynamic) by a method, a class template that has
+///
+///   void begin_step(step)                                for parameters that change
+///   void believe(observation, R, reading)                the reading as one Gaussian
+///   VectorResult correct(prior, observation, R, y, posterior)
+///   void publish(estimate)
+///   int num_passes()                                     of the smoother; 1: Rauch-Tung-Striebel
+///   bool tilt(step, observation of s, R, y, tilted s)    where num_passes() may be more
+///
+/// With a step of several passes the motion must be linear.
+template <template <int, int> class Method, int N, int L>
+class SizedVectorKernel : public VectorKernel {
+ public:
+  SizedVectorKernel(const SystemModel& model, Linearisation linearisation, const Gaussian& start,
+                    Method<N, L> method)
+      : model_(model, linearisation),
+        belief_{start.mean, start.covariance},
+        method_(std::move(method)),
+        is_linear_(model.is_linear()) {
+    observed_.h.resize(model.num_measurements());
+    y_.resize(model.num_measurements());
+    now_.smoothing.cross.setZero(model.num_states(), model.num_states());
+  }
+
+  void begin_step(std::int64_t step, bool has_to_move) override {
+    method_.begin_step(step);
+    now_.step = step;
+    now_.has_reading = false;
+    if (has_to_move) {
+      model_.predict(belief_, now_.smoothing.cross, now_.smoothing.predicted);
+    } else {
+      now_.smoothing.predicted = belief_;
+    }
+    belief_ = now_.smoothing.predicted;
+  }
+
+  void observe() override { model_.observe(now_.smoothing.predicted, observed_); }
+
+  double distance(std::span<const int> rows, std::span<const double> values) override {
+    const Observation<N, L>& observation = take(rows, values);
+    method_.believe(observation, model_.R(), reading_);
+    const UpdateResult result = update_.weigh(observation, reading_, y_);
+    return result.is_definite ? result.squared_distance : std::numeric_limits<double>::infinity();
+  }
+
+  VectorResult correct(std::span<const int> rows, std::span<const double> values) override {
+    rows_.assign(rows.begin(), rows.end());
+    const Observation<N, L>& observation = take(rows, values);
+    method_.believe(observation, model_.R(), reading_);
+    now_.has_reading = true;
+    now_.y = y_;
+    now_.num_missing = observation.num_missing;
+    now_.is_missing = observation.is_missing;
+    return method_.correct(now_.smoothing.predicted, observation, model_.R(), y_, belief_);
+  }
+
+  void end_step() override {
+    if (num_kept_max_ == 0) return;
+    now_.smoothing.filtered = belief_;
+    if (kept_.size() < num_kept_max_) {
+      kept_.push_back(now_);
+    } else {
+      kept_[first_kept_] = now_;
+      first_kept_ = (first_kept_ + 1) % kept_.size();
+    }
+  }
+
+  void publish(Estimate& estimate) const override {
+    estimate.mean = belief_.mean;
+    estimate.covariance = belief_.covariance;
+    method_.publish(estimate);
+  }
+
+  void publish_innovation(Eigen::VectorXd& nu, Eigen::MatrixXd& S) const override {
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
+      nu[row] = y_[rows_[i]] - reading_.mean[rows_[i]];
+      for (std::size_t j = 0; j < rows_.size(); ++j) {
+        S(row, static_cast<Eigen::Index>(j)) = reading_.S(rows_[i], rows_[j]);
+      }
+    }
+  }
+
+  void remember(std::size_t num_steps) override {
+    num_kept_max_ = num_steps;
+    first_kept_ = 0;
+    kept_.clear();
+    // A window of known length is reserved, so that steps allocate nothing; a whole run grows.
+    if (num_steps < 100'000) kept_.reserve(num_steps);
+  }
+
+  void smooth() override {
+    const auto step_at = [this](std::size_t i) -> const SmoothingStep<N>& {
+      return kept(i).smoothing;
+    };
+    if constexpr (requires(Method<N, L> & m) { m.num_passes(); }) {
+      if (method_.num_passes() > 1 && is_linear_) return smooth_by_sites(step_at);
+    }
+    smooth_interval<N>(kept_.size(), step_at, smoothed_);
+  }
+
+  void publish_smoothed(std::size_t i, Estimate& estimate) const override {
+    estimate.mean = smoothed_[i].mean;
+    estimate.covariance = smoothed_[i].covariance;
+  }
+
+ private:
+  struct Kept {
+    std::int64_t step = 0;
+    SmoothingStep<N> smoothing;
+    bool has_reading = false;
+    Small<L> y;
+    int num_missing = 0;
+    std::array<bool, small_bound(L)> is_missing{};
+  };
+
+  const Kept& kept(std::size_t i) const { return kept_[(first_kept_ + i) % kept_.size()]; }
+
+  // Sets y, and the observation of the rows that arrived.
+  const Observation<N, L>& take(std::span<const int> rows, std::span<const double> values) {
+    const Eigen::Index l = y_.size();
+    for (std::size_t i = 0; i < rows.size(); ++i) y_[rows[i]] = values[i];
+    if (static_cast<Eigen::Index>(rows.size()) == l) return observed_;
+    used_ = observed_;
+    for (int row = 0; row < static_cast<int>(l); ++row) {
+      if (std::find(rows.begin(), rows.end(), row) != rows.end()) continue;
+      y_[row] = 0.0;
+      used_.leave_out(row);
+    }
+    return used_;
+  }
+
+  template <class StepAt>
+  void smooth_by_sites(const StepAt& step_at) {
+    Observation<L, L> of_s;
+    const auto tilt = [&](std::size_t i, const Belief<L>& cavity, Belief<L>& tilted) {
+      const Kept& it = kept(i);
+      if (!it.has_reading) return false;
+      const auto l = cavity.mean.size();
+      of_s.expect_all();
+      observe_linear<L, L>(Small<L, L>::Identity(l, l), cavity, of_s);
+      for (Eigen::Index row = 0; row < l && it.num_missing > 0; ++row) {
+        if (it.is_missing[static_cast<std::size_t>(row)]) of_s.leave_out(row);
+      }
+      return method_.tilt(it.step, cavity, of_s, model_.R(), it.y, tilted);
+    };
+    sites_.smooth(model_, kept_.size(), method_.num_passes(), step_at, tilt, smoothed_);
+  }
+
+  SizedModel<N, L> model_;
+  Belief<N> belief_;
+  Method<N, L> method_;
+  bool is_linear_;
+  Observation<N, L> observed_, used_;
+  Small<L> y_;
+  std::vector<int> rows_;
+  ReadingBelief<L> reading_;
+  GaussianUpdate<N, L> update_;
+
+  Kept now_;
+  std::vector<Kept> kept_;
+  std::size_t num_kept_max_ = 0, first_kept_ = 0;
+  std::vector<Belief<N>> smoothed_;
+  SiteSmoother<N, L> sites_;
+};
+
+/// The kernel in the sizes of the model: known ones where a program was compiled for them. Throws
+/// UsageError for a model with problems() or of more than kSmallSizeMax states or measurements.
+template <template <int, int> class Method, class MakeMethod>
+std::unique_ptr<VectorKernel> make_vector_kernel(const SystemModel& model,
+                                                 Linearisation linearisation, const Gaussian& start,
+                                                 const MakeMethod& make_method) {
+  const std::vector<std::string> problems = model.problems();
+  if (!problems.empty()) throw UsageError("model: " + problems.front());
+  const int n = model.num_states(), l = model.num_measurements();
+  if (n > kSmallSizeMax || l > kSmallSizeMax) {
+    throw UsageError("this method takes at most " + std::to_string(kSmallSizeMax) +
+                     " states and as many measurements");
+  }
+  const auto make = [&]<int N, int L>() -> std::unique_ptr<VectorKernel> {
+    return std::make_unique<SizedVectorKernel<Method, N, L>>(
+        model, linearisation, start, make_method.template operator()<N, L>());
+  };
+  if (n == 4 && l == 2) return make.template operator()<4, 2>();
+  return make.template operator()<Eigen::Dynamic, Eigen::Dynamic>();
+}
+
+}  // namespace holdfast

@@ -1,0 +1,139 @@
+#include "tools/log_smoother.h"
+
+#include <filesystem>
+#include <holdfast/estimate_t.hpp>
+#include <holdfast/measurement_set_t.hpp>
+#include <iostream>
+#include <set>
+#include <vector>
+
+#include "common/log_file.h"
+#include "common/measurement_messages.h"
+#include "common/run_meta.h"
+#include "common/status.h"
+#include "estimators/estimate_messages.h"
+#include "estimators/estimator_session.h"
+#include "estimators/smoothed_stream.h"
+#include "tools/experiment.h"
+#include "tools/log_replay.h"
+
+namespace holdfast {
+namespace {
+
+// One estimator on its way through the log, and what it said of each step in the end.
+struct Smoothed {
+  std::string channel;
+  std::unique_ptr<Estimator> estimator;
+  EstimatorSession session;
+  SmoothedStream stream;
+  std::vector<Estimate> estimates;  // ascending steps
+  std::size_t num_written = 0;
+
+  void keep() {
+    stream.on_step([this](const Estimate& estimate) { estimates.push_back(estimate); });
+  }
+};
+
+std::vector<Smoothed> make_smoothed(const LogSmootherOptions& options, const Experiment& experiment,
+                                    std::uint32_t run) {
+  std::vector<Smoothed> all;
+  if (!options.name.empty()) experiment.estimator(options.name);
+  for (const EstimatorEntry& entry : experiment.estimators) {
+    const bool is_wanted = options.name.empty() ? entry.is_smoothed : entry.name == options.name;
+    if (!is_wanted) continue;
+    if (entry.is_outside() || entry.is_campaign_only()) {
+      if (options.name.empty()) continue;
+      throw UsageError(
+          "estimator '" + entry.name + "' " +
+          (entry.is_outside() ? "is an outside command" : "sees what only a simulation knows") +
+          ": it cannot be run on a log");
+    }
+    std::unique_ptr<Estimator> estimator = experiment.make_estimator(entry, run);
+    auto* smoothing = dynamic_cast<SmoothingEstimator*>(estimator.get());
+    if (smoothing == nullptr) {
+      throw UsageError("estimator '" + entry.name + "' (" + entry.method + ") cannot look back");
+    }
+    EstimatorSession session(*estimator, experiment.num_steps, experiment.step_s());
+    SmoothedStream stream(*smoothing,
+                          static_cast<std::size_t>(options.lag_steps.value_or(entry.lag_steps)));
+    all.push_back(
+        {channel_name("SMOOTHED_", entry.name), std::move(estimator), session, stream, {}, 0});
+  }
+  return all;
+}
+
+// First pass: every measurement set through every estimator.
+std::int64_t smooth_sets(const LogSmootherOptions& options, std::int64_t num_steps,
+                         std::vector<Smoothed>& all) {
+  LogReader reader(options.log_file);
+  LogEvent event;
+  measurement_set_t message;
+  MeasurementSet set;
+  std::int64_t num_sets = 0;
+  while (reader.next(event)) {
+    if (event.channel != "MEASUREMENT" || !decode_guarded(event.data, message)) continue;
+    ++num_sets;
+    from_message(message, set);
+    for (Smoothed& one : all) one.session.on_set(set, [&one](const Estimate&) { one.keep(); });
+    if (options.on_progress) options.on_progress(message.step, num_steps);
+  }
+  for (Smoothed& one : all) {
+    one.stream.finish([&one](const Estimate& estimate) { one.estimates.push_back(estimate); });
+  }
+  return num_sets;
+}
+
+// Second pass: the old log, with the estimates of each step where its set stands.
+std::int64_t write_all(const LogSmootherOptions& options, std::vector<Smoothed>& all) {
+  std::set<std::string> replaced;
+  for (const Smoothed& one : all) replaced.insert(one.channel);
+  const std::string unfinished = options.out_file + ".part";
+  LogWriter writer(unfinished);
+  estimate_t out;
+  std::int64_t num_written = 0;
+  const auto write_until = [&](std::int64_t step) {
+    for (Smoothed& one : all) {
+      for (; one.num_written < one.estimates.size(); ++one.num_written, ++num_written) {
+        const Estimate& estimate = one.estimates[one.num_written];
+        if (estimate.step > step) break;
+        to_message(estimate, out);
+        writer.write_message(one.channel, estimate.utime, out);
+      }
+    }
+  };
+  LogReader reader(options.log_file);
+  LogEvent event;
+  measurement_set_t message;
+  while (reader.next(event)) {
+    if (replaced.contains(event.channel)) continue;
+    writer.write(event.channel, event.utime, event.data);
+    if (event.channel == "MEASUREMENT" && decode_guarded(event.data, message)) {
+      write_until(message.step);
+    }
+  }
+  write_until(INT64_MAX);
+  writer.finish_as(options.out_file);
+  return num_written;
+}
+
+}  // namespace
+
+std::int64_t smooth_log(const LogSmootherOptions& options) {
+  check_new_log(options.log_file, options.out_file);
+  const RunMeta meta = read_run_meta(options.log_file);
+  const Experiment experiment =
+      experiment_from_text(meta.scenario, options.log_file + " (RUN_META)");
+  warn_of_kernel("holdfast-smoother", experiment, meta);
+  std::vector<Smoothed> all =
+      make_smoothed(options, experiment, static_cast<std::uint32_t>(meta.run));
+  if (all.empty()) {
+    throw UsageError(options.log_file +
+                     ": no estimator of its scenario has the key `smoother`; name one with --name");
+  }
+  if (smooth_sets(options, experiment.num_steps, all) == 0) {
+    throw UsageError(options.log_file + ": holds no measurement set");
+  }
+  return write_all(options, all);
+}
+
+}  // namespace holdfast
