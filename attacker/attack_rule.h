@@ -1,22 +1,15 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
-#include <optional>
 #include <string>
 #include <vector>
 
+#include "attacker/attack_match.h"
 #include "common/configuration.h"
 #include "common/step_window.h"
-#include "drivers/can/dbc.h"
 #include "drivers/can/frame_codec.h"
 
 namespace holdfast {
-
-/// Identifier and width in one number: bit 29 tells 29-bit identifiers from 11-bit ones.
-constexpr std::uint32_t frame_key(std::uint32_t identifier, bool is_extended) {
-  return identifier | (is_extended ? 1U << 29 : 0U);
-}
 
 /// Where the value of a substituted or forged signal comes from; physical units of the signal.
 struct ValueDistribution {
@@ -47,23 +40,6 @@ struct CountDistribution {
   double mean = 1.0;  // the count itself when constant; 0..kMax
 };
 
-/// Which frames a rule acts on; what is left out restricts nothing. The tick never matches.
-struct AttackMatch {
-  std::vector<std::string> nodes;           // senders in the DBC file; narrows `messages`
-  std::vector<std::string> messages;        // by name: identifier and width of a DBC message
-  std::vector<std::uint32_t> message_keys;  // frame_key() of each of them
-  std::optional<std::uint32_t> identifier;  // (identifier ^ frame's) & mask == 0
-  std::uint32_t mask = 0;
-  bool is_extended = false;  // width that `identifier` speaks of
-  std::string signal;        // "" when no comparison is asked
-  double at_least = -std::numeric_limits<double>::infinity();
-  double at_most = std::numeric_limits<double>::infinity();
-
-  /// True when names, identifier and mask let this identifier through; signals and the tick are
-  /// looked at by ProxyCore.
-  bool matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const;
-};
-
 /// One rule of the attacker, as the list `attacks` of a scenario states it (docs/attacks.md).
 struct AttackRule {
   enum class Action : std::int32_t { kDrop = 0, kFlip = 1, kSubstitute = 2, kInject = 3 };
@@ -91,9 +67,6 @@ const char* to_string(AttackRule::Action action);
 inline bool replays(const AttackRule& rule) {
   return !rule.values.empty() && rule.values.front().kind == ValueDistribution::Kind::kReplay;
 }
-
-/// True when the rule, by name or identifier, speaks of this message; signals are not looked at.
-bool selects(const AttackMatch& match, const DbcMessage& message);
 
 /// Rules below the list key `attacks` of the map, in their order; none when there is no such key.
 ///
