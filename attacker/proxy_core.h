@@ -8,6 +8,7 @@
 
 #include "attacker/attack_rule.h"
 #include "attacker/frame_history.h"
+#include "attacker/rule_draws.h"
 #include "common/random_stream.h"
 #include "drivers/can/can_frame.h"
 #include "drivers/can/dbc.h"
@@ -113,13 +114,8 @@ class ProxyCore {
   std::span<const Candidate> candidates(const CanFrame& frame) const;
   std::uint32_t next_index(const CanFrame& frame);
   bool can_act(const Candidate& candidate, const CanFrame& frame) const;
-  double decision_draw(std::uint32_t rule, std::uint32_t key, std::uint32_t index) const;
-  double draw_value(std::uint32_t rule, std::size_t signal, std::uint32_t key, std::uint32_t index,
-                    unsigned purpose) const;
-  bool write_values(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
-                    unsigned purpose, CanFrame& frame) const;
-  bool alter(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
-             CanFrame& frame) const;
+  bool write_values(const Candidate& candidate, const DrawPlace& place, CanFrame& frame) const;
+  bool alter(const Candidate& candidate, const DrawPlace& place, CanFrame& frame) const;
   std::int32_t history_for(const AttackRule& rule, std::uint32_t key);
   void remember(const CanFrame& frame);
   void inject(const Candidate& candidate, std::vector<CanFrame>& out,
