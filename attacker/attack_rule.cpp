@@ -17,7 +17,6 @@ using Messages = std::vector<const DbcMessage*>;
 std::vector<double> read_numbers(ConfigurationMap& map, const char* key, std::size_t count,
                                  double fallback, Interval allowed) {
   std::vector<double> numbers(count, fallback);
-  map.require(key);
   map.read_shared(key, numbers, count, allowed);
   numbers.resize(count, fallback);
   return numbers;
@@ -35,9 +34,23 @@ void read_replay(ConfigurationMap& map, ReplayDelay& replay) {
   replay.high = static_cast<int>(range[1]);
 }
 
+// A replay takes all signals of one frame as they were: it has no number to share or to add.
+void check_replay(ConfigurationMap& map, const AttackRule& rule) {
+  using Action = AttackRule::Action;
+  if (rule.action == Action::kAdd || rule.action == Action::kScale) {
+    map.problem("distribution",
+                std::string("a replay writes earlier values and cannot be used by ") +
+                    to_string(rule.action) + "; use substitute");
+  }
+  if (rule.value_draw != AttackRule::ValueDraw::kSignal) {
+    map.problem("draw", "a replay draws one delay for each frame already; leave draw out");
+  }
+}
+
 void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
   using Kind = ValueDistribution::Kind;
-  rule_map.require("value");
+  const bool is_default = rule.action == AttackRule::Action::kForce && !rule_map.has("value");
+  if (!is_default) rule_map.require("value");
   ConfigurationMap map = rule_map.map("value");
   Kind kind = Kind::kConstant;
   map.read_choice("distribution", kind,
@@ -46,10 +59,15 @@ void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
                    {"normal", Kind::kNormal},
                    {"bernoulli", Kind::kBernoulli},
                    {"replay", Kind::kReplay}});
+  map.read_choice("draw", rule.value_draw,
+                  {{"signal", AttackRule::ValueDraw::kSignal},
+                   {"frame", AttackRule::ValueDraw::kFrame},
+                   {"step", AttackRule::ValueDraw::kStep}});
   const std::size_t count = rule.signals.size();
   rule.values.assign(count, {kind});
-  if (!rule_map.has("value") || count == 0) return;
+  if ((!is_default && !rule_map.has("value")) || count == 0) return;
   const auto fill = [&](const char* key, double ValueDistribution::*field, Interval allowed) {
+    if (!is_default) map.require(key);
     const std::vector<double> numbers =
         read_numbers(map, key, count, ValueDistribution().*field, allowed);
     for (std::size_t i = 0; i < count; ++i) rule.values[i].*field = numbers[i];
@@ -73,6 +91,7 @@ void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
       fill("probability", &ValueDistribution::probability, kProbability);
       break;
     case Kind::kReplay:
+      check_replay(map, rule);
       read_replay(map, rule.replay);
       break;
   }
@@ -163,6 +182,9 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
                   {{"drop", Action::kDrop},
                    {"flip", Action::kFlip},
                    {"substitute", Action::kSubstitute},
+                   {"force", Action::kForce},
+                   {"add", Action::kAdd},
+                   {"scale", Action::kScale},
                    {"inject", Action::kInject}});
   ConfigurationMap match_map = map.map("match");
   const Messages selected = read_match(match_map, rule.match, layout);
@@ -180,6 +202,9 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
       read_flip(map, rule, selected);
       break;
     case Action::kSubstitute:
+    case Action::kForce:
+    case Action::kAdd:
+    case Action::kScale:
       read_signals_and_values(map, rule, selected);
       break;
     case Action::kInject:
@@ -201,6 +226,12 @@ const char* to_string(AttackRule::Action action) {
       return "substitute";
     case AttackRule::Action::kInject:
       return "inject";
+    case AttackRule::Action::kForce:
+      return "force";
+    case AttackRule::Action::kAdd:
+      return "add";
+    case AttackRule::Action::kScale:
+      return "scale";
   }
   return "unknown";
 }

@@ -11,7 +11,8 @@
 
 namespace holdfast {
 
-/// Where the value of a substituted or forged signal comes from; physical units of the signal.
+/// Where the number comes from that a rule writes into a signal, adds to it or multiplies it by;
+/// physical units of the signal, a factor has none.
 struct ValueDistribution {
   enum class Kind { kConstant, kUniform, kNormal, kBernoulli, kReplay };
 
@@ -42,8 +43,18 @@ struct CountDistribution {
 
 /// One rule of the attacker, as the list `attacks` of a scenario states it (docs/attacks.md).
 struct AttackRule {
-  enum class Action : std::int32_t { kDrop = 0, kFlip = 1, kSubstitute = 2, kInject = 3 };
+  enum class Action : std::int32_t {
+    kDrop = 0,
+    kFlip = 1,
+    kSubstitute = 2,
+    kInject = 3,
+    kForce = 4,  // as kSubstitute, with a constant zero for default
+    kAdd = 5,
+    kScale = 6
+  };
   enum class Draw { kFrame, kStep };  // kStep: one decision is shared by all frames of a step
+  // What shares one draw: nothing, the signals of a frame, or those of all frames of a step.
+  enum class ValueDraw { kSignal, kFrame, kStep };
 
   std::string name;
   AttackMatch match;
@@ -53,12 +64,14 @@ struct AttackRule {
   Action action = Action::kDrop;
 
   static constexpr std::size_t kSignalsMax = 100;
-  std::vector<std::string> signals;  // flip: one; substitute, inject: at least one
+  std::vector<std::string> signals;  // flip: one; with values: at least one
   int bit = -1;  // flip: payload bit as a DBC counts, -1 when a signal is flipped
-  std::vector<ValueDistribution> values;  // substitute, inject: one per signal, all of one kind
-  ReplayDelay replay;                     // of that kind
-  CountDistribution count;                // inject
-  std::string counter_signal;             // inject: set to step + counter_offset; "" for none
+  // Substitute, force, add, scale, inject: one per signal, all of one kind.
+  std::vector<ValueDistribution> values;
+  ValueDraw value_draw = ValueDraw::kSignal;
+  ReplayDelay replay;          // of that kind
+  CountDistribution count;     // inject
+  std::string counter_signal;  // inject: set to step + counter_offset; "" for none
   std::int64_t counter_offset = 0;
 };
 

@@ -31,6 +31,14 @@ std::span<std::uint8_t> payload(CanFrame& frame) {
   return {frame.data.data(), frame.num_bytes};
 }
 
+// What the signal is to say, given what it says and what was drawn.
+double new_value(AttackRule::Action action, const DbcSignal& signal, const CanFrame& frame,
+                 double drawn) {
+  if (action == AttackRule::Action::kAdd) return signal.unpack(frame.bytes()) + drawn;
+  if (action == AttackRule::Action::kScale) return signal.unpack(frame.bytes()) * drawn;
+  return drawn;
+}
+
 std::optional<DbcSignal> copy_of(const DbcSignal* signal) {
   return signal == nullptr ? std::nullopt : std::optional<DbcSignal>(*signal);
 }
@@ -248,7 +256,9 @@ bool ProxyCore::write_values(const Candidate& candidate, const DrawPlace& place,
   const RandomStream& stream = streams_[candidate.rule];
   if (target.history < 0) {
     for (std::size_t i = 0; i < target.acted_on.size(); ++i) {
-      target.acted_on[i].pack(payload(frame), value_draw(rule, stream, i, place));
+      const DbcSignal& signal = target.acted_on[i];
+      const double drawn = value_draw(rule, stream, i, place);
+      signal.pack(payload(frame), new_value(rule.action, signal, frame, drawn));
     }
     return true;
   }

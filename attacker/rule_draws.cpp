@@ -14,6 +14,7 @@ enum Purpose : unsigned {
   kForgedValue = 3,
   kSharedDecision = 4,
   kReplayDelay = 5,
+  kSharedValue = 6,
   kFurtherValues = 16  // of the second signal, the third, ...
 };
 static_assert(kFurtherValues + AttackRule::kSignalsMax < 128, "a purpose has seven bits");
@@ -25,8 +26,10 @@ std::uint64_t address(std::uint32_t key, std::uint32_t index, unsigned purpose) 
          (static_cast<std::uint64_t>(purpose) << 1);
 }
 
+// A draw that a whole frame shares is the one that its first signal has anyway.
 std::uint64_t value_address(const AttackRule& rule, std::size_t signal, const DrawPlace& place) {
-  if (signal == 0) {
+  if (rule.value_draw == AttackRule::ValueDraw::kStep) return address(0, 0, kSharedValue);
+  if (signal == 0 || rule.value_draw == AttackRule::ValueDraw::kFrame) {
     const bool is_forged = rule.action == AttackRule::Action::kInject;
     return address(place.key, place.index, is_forged ? kForgedValue : kValue);
   }
