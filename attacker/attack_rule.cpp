@@ -172,7 +172,69 @@ void read_inject(ConfigurationMap& map, AttackRule& rule, const FrameLayout& lay
     map.problem("match", "an injection needs a message of the DBC file to forge");
 }
 
-AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
+// A condition speaks of a frame that passes both rules; a forged one meets no rule.
+bool can_be_named(const AttackRule& rule) {
+  return rule.action != AttackRule::Action::kInject;
+}
+
+std::string list_of(const std::vector<AttackRule>& rules) {
+  std::string list;
+  for (const AttackRule& rule : rules) {
+    if (can_be_named(rule)) list += (list.empty() ? "" : ", ") + rule.name;
+  }
+  return list.empty() ? "none" : list;
+}
+
+// Indices of the rules that a condition names: one name or a list.
+std::vector<std::uint32_t> read_condition(ConfigurationMap& map, const char* key,
+                                          const AttackRule& rule,
+                                          const std::vector<AttackRule>& earlier) {
+  std::vector<std::string> names;
+  if (std::string one; map.scalar_text(key, one)) {
+    map.read(key, one);
+    names.push_back(one);
+  } else {
+    map.read(key, names);
+  }
+  std::vector<std::uint32_t> indices;
+  if (names.empty()) return indices;
+  if (rule.action == AttackRule::Action::kInject) {
+    map.problem(key, "an injection cannot depend on another rule: there is no frame to join");
+    return indices;
+  }
+  for (const std::string& name : names) {
+    const auto found = std::find_if(earlier.begin(), earlier.end(),
+                                    [&](const AttackRule& it) { return it.name == name; });
+    if (found == earlier.end()) {
+      map.problem(key,
+                  "no earlier rule is named '" + name + "'; earlier rules: " + list_of(earlier));
+    } else if (!can_be_named(*found)) {
+      map.problem(key, "'" + name + "' injects, and no frame that it forges meets another rule");
+    } else {
+      indices.push_back(static_cast<std::uint32_t>(found - earlier.begin()));
+    }
+  }
+  return indices;
+}
+
+void read_conditions(ConfigurationMap& map, AttackRule& rule,
+                     const std::vector<AttackRule>& earlier) {
+  rule.given = read_condition(map, "given", rule, earlier);
+  rule.unless = read_condition(map, "unless", rule, earlier);
+  // Neither can ever hold: the rule would be dead without a word.
+  for (const std::uint32_t index : rule.given) {
+    const AttackRule& named = earlier[index];
+    if (named.action == AttackRule::Action::kDrop) {
+      map.problem("given", "'" + named.name + "' drops, and no later rule meets those frames");
+    }
+    if (std::find(rule.unless.begin(), rule.unless.end(), index) != rule.unless.end()) {
+      map.problem("unless", "'" + named.name + "' stands in given as well");
+    }
+  }
+}
+
+AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout,
+                     const std::vector<AttackRule>& earlier) {
   using Action = AttackRule::Action;
   AttackRule rule;
   map.require("name");
@@ -185,6 +247,7 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
                    {"force", Action::kForce},
                    {"add", Action::kAdd},
                    {"scale", Action::kScale},
+                   {"arm", Action::kArm},
                    {"inject", Action::kInject}});
   ConfigurationMap match_map = map.map("match");
   const Messages selected = read_match(match_map, rule.match, layout);
@@ -195,8 +258,10 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
   map.read("probability", rule.probability, kProbability);
   map.read_choice("draw", rule.draw,
                   {{"frame", AttackRule::Draw::kFrame}, {"step", AttackRule::Draw::kStep}});
+  read_conditions(map, rule, earlier);
   switch (rule.action) {
     case Action::kDrop:
+    case Action::kArm:
       break;
     case Action::kFlip:
       read_flip(map, rule, selected);
@@ -232,6 +297,8 @@ const char* to_string(AttackRule::Action action) {
       return "add";
     case AttackRule::Action::kScale:
       return "scale";
+    case AttackRule::Action::kArm:
+      return "arm";
   }
   return "unknown";
 }
@@ -240,7 +307,7 @@ std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLa
   std::vector<AttackRule> rules;
   std::set<std::string> names;
   for (ConfigurationMap map : parent.maps("attacks")) {
-    rules.push_back(read_rule(map, layout));
+    rules.push_back(read_rule(map, layout, rules));
     const std::string& name = rules.back().name;
     if (map.has("name") && name.empty()) map.problem("name", "must not be empty");
     if (!name.empty() && !names.insert(name).second)

@@ -50,7 +50,8 @@ struct AttackRule {
     kInject = 3,
     kForce = 4,  // as kSubstitute, with a constant zero for default
     kAdd = 5,
-    kScale = 6
+    kScale = 6,
+    kArm = 7  // touches nothing: other rules refer to it
   };
   enum class Draw { kFrame, kStep };  // kStep: one decision is shared by all frames of a step
   // What shares one draw: nothing, the signals of a frame, or those of all frames of a step.
@@ -62,6 +63,9 @@ struct AttackRule {
   double probability = 1.0;
   Draw draw = Draw::kFrame;
   Action action = Action::kDrop;
+  // Indices of earlier rules. The rule acts only on frames on which all of `given` acted and none
+  // of `unless` did.
+  std::vector<std::uint32_t> given, unless;
 
   static constexpr std::size_t kSignalsMax = 100;
   std::vector<std::string> signals;  // flip: one; with values: at least one
@@ -76,6 +80,10 @@ struct AttackRule {
 };
 
 const char* to_string(AttackRule::Action action);
+/// True when the rule looks at what earlier rules did to the frame.
+inline bool is_conditional(const AttackRule& rule) {
+  return !rule.given.empty() || !rule.unless.empty();
+}
 /// True when the rule takes its values from earlier frames.
 inline bool replays(const AttackRule& rule) {
   return !rule.values.empty() && rule.values.front().kind == ValueDistribution::Kind::kReplay;

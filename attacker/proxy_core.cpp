@@ -62,7 +62,10 @@ std::uint32_t ExtendedFrameCounter::next(std::uint32_t identifier, std::int64_t 
 
 ProxyCore::ProxyCore(std::vector<AttackRule> rules, const FrameLayout& layout, std::uint64_t seed,
                      std::uint32_t run, double step_s)
-    : rules_(std::move(rules)), step_s_(step_s), standard_counts_(kNumStandard) {
+    : rules_(std::move(rules)),
+      last_acted_on_(rules_.size(), -1),
+      step_s_(step_s),
+      standard_counts_(kNumStandard) {
   if (const DbcMessage* tick = layout.dbc.find(layout.tick_message)) {
     tick_ = *tick;
     if (const DbcSignal* step = tick->find(layout.tick_signal)) tick_step_ = *step;
@@ -231,11 +234,25 @@ std::uint32_t ProxyCore::next_index(const CanFrame& frame) {
   return entry.count++;
 }
 
+// The conditions on what earlier rules did to this frame.
+bool ProxyCore::is_due(const AttackRule& rule, std::int64_t rx_index) const {
+  for (const std::uint32_t earlier : rule.given) {
+    if (last_acted_on_[earlier] != rx_index) return false;
+  }
+  for (const std::uint32_t earlier : rule.unless) {
+    if (last_acted_on_[earlier] == rx_index) return false;
+  }
+  return true;
+}
+
 bool ProxyCore::can_act(const Candidate& candidate, const CanFrame& frame) const {
   if (((candidate.identifier ^ frame.identifier) & candidate.mask) != 0) return false;
   const AttackRule& rule = rules_[candidate.rule];
-  if (frame.has(CanFrame::kRemote))
-    return rule.action == AttackRule::Action::kDrop && candidate.target < 0;
+  if (frame.has(CanFrame::kRemote)) {
+    const bool needs_payload =
+        rule.action != AttackRule::Action::kDrop && rule.action != AttackRule::Action::kArm;
+    return !needs_payload && candidate.target < 0;
+  }
   if (rule.bit >= 8 * frame.num_bytes) return false;
   if (candidate.target < 0) return true;
   const Target& target = targets_[static_cast<std::size_t>(candidate.target)];
@@ -317,11 +334,16 @@ void ProxyCore::on_frame(const CanFrame& frame, std::vector<CanFrame>& out,
   bool is_touched = false;
   for (const Candidate& candidate : list) {
     const AttackRule& rule = rules_[candidate.rule];
-    if (!is_open_[candidate.rule] || !can_act(candidate, forwarded)) continue;
+    if (!is_open_[candidate.rule] || !can_act(candidate, forwarded) || !is_due(rule, rx_index)) {
+      continue;
+    }
     const double draw = decision_draw(rule, streams_[candidate.rule], place);
     if (draw >= rule.probability) continue;
     const bool is_drop = rule.action == AttackRule::Action::kDrop;
-    if (!is_drop && !alter(candidate, place, forwarded)) continue;
+    const bool is_arm = rule.action == AttackRule::Action::kArm;
+    if (!is_drop && !is_arm && !alter(candidate, place, forwarded)) continue;
+    last_acted_on_[candidate.rule] = rx_index;
+    if (is_arm) continue;
     if (!is_touched) records.emplace_back();
     AttackRecord& record = records.back();
     if (!is_touched || is_drop) {
