@@ -10,146 +10,13 @@ namespace {
 constexpr Interval kFinite{std::numeric_limits<double>::lowest(),
                            std::numeric_limits<double>::max()};
 constexpr Interval kFiniteNonNegative{0.0, std::numeric_limits<double>::max()};
-constexpr std::uint32_t kStandardMask = 0x7FF;
-constexpr std::uint32_t kExtendedMask = 0x1FFFFFFF;
 
 using Messages = std::vector<const DbcMessage*>;
-
-bool is_tick_message(const FrameLayout& layout, const DbcMessage& message) {
-  return message.name == layout.tick_message;
-}
-
-/// Messages that the match names, or that fall under its identifier and mask; never the tick.
-Messages selected_messages(const AttackMatch& match, const FrameLayout& layout) {
-  Messages selected;
-  for (const DbcMessage& message : layout.dbc.messages) {
-    if (!is_tick_message(layout, message) && selects(match, message)) selected.push_back(&message);
-  }
-  return selected;
-}
-
-/// Reports a signal that no frame of the rule can carry. A message that was named must have it; of
-/// those that merely fall under a mask, one is enough.
-void check_signal(ConfigurationMap& map, const char* key, const std::string& signal,
-                  const AttackMatch& match, const Messages& selected) {
-  if (signal.empty()) {
-    map.problem(key, "must name a signal");
-    return;
-  }
-  const DbcMessage* without = nullptr;
-  bool is_somewhere = false;
-  for (const DbcMessage* message : selected) {
-    if (message->find(signal) != nullptr) {
-      is_somewhere = true;
-    } else if (without == nullptr) {
-      without = message;
-    }
-  }
-  if (!match.messages.empty()) {
-    if (without != nullptr) {
-      map.problem(key, "message '" + without->name + "' has no signal '" + signal + "'");
-    }
-  } else if (!is_somewhere) {
-    map.problem(key, "no message that the rule matches has a signal '" + signal + "'");
-  }
-}
-
-void read_message_names(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
-  map.read("messages", match.messages);
-  std::set<std::string> seen;
-  for (const std::string& name : match.messages) {
-    const DbcMessage* message = layout.dbc.find(name);
-    if (name == layout.tick_message) {
-      map.problem("messages", "no rule can match the tick ('" + name + "')");
-    } else if (message == nullptr) {
-      map.problem("messages", "the DBC file has no message '" + name + "'");
-    } else {
-      match.message_keys.push_back(frame_key(message->identifier, message->is_extended));
-    }
-    if (!seen.insert(name).second) map.problem("messages", "'" + name + "' given twice");
-  }
-}
-
-/// Narrows the match to messages that one of the nodes sends; a node is a sender in the DBC file.
-void read_nodes(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
-  map.read("nodes", match.nodes);
-  if (match.nodes.empty()) return;
-  for (const std::string& node : match.nodes) {
-    const auto sends = [&node](const DbcMessage& message) { return message.sender == node; };
-    if (std::none_of(layout.dbc.messages.begin(), layout.dbc.messages.end(), sends)) {
-      map.problem("nodes", "no message of the DBC file is sent by '" + node + "'");
-    }
-  }
-  const std::vector<std::string> named = std::move(match.messages);
-  match.messages.clear();
-  match.message_keys.clear();
-  for (const DbcMessage& message : layout.dbc.messages) {
-    const bool is_named =
-        named.empty() || std::find(named.begin(), named.end(), message.name) != named.end();
-    const bool is_sent =
-        std::find(match.nodes.begin(), match.nodes.end(), message.sender) != match.nodes.end();
-    if (!is_named || !is_sent || is_tick_message(layout, message)) continue;
-    match.messages.push_back(message.name);
-    match.message_keys.push_back(frame_key(message.identifier, message.is_extended));
-  }
-  if (match.messages.empty())
-    map.problem("nodes", "send none of the messages that the rule could match");
-}
-
-void read_identifier(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
-  if (!map.has("identifier")) {
-    for (const char* key : {"mask", "extended"}) {
-      if (map.has(key)) map.problem(key, "needs the key identifier");
-    }
-    std::int64_t unused_mask = 0;
-    bool unused_flag = false;
-    // Read all the same, so that the keys are not called unknown on top.
-    if (map.has("mask")) map.read("mask", unused_mask);
-    if (map.has("extended")) map.read("extended", unused_flag);
-    return;
-  }
-  map.read("extended", match.is_extended);
-  const std::uint32_t full = match.is_extended ? kExtendedMask : kStandardMask;
-  std::int64_t identifier = 0;
-  std::int64_t mask = full;
-  map.read("identifier", identifier, {0.0, static_cast<double>(full)});
-  map.read("mask", mask, {0.0, static_cast<double>(full)});
-  match.identifier = static_cast<std::uint32_t>(identifier);
-  match.mask = static_cast<std::uint32_t>(mask);
-  const DbcMessage* tick = layout.dbc.find(layout.tick_message);
-  if (tick != nullptr && match.mask == full && tick->is_extended == match.is_extended &&
-      tick->identifier == match.identifier) {
-    map.problem("identifier", "no rule can match the tick ('" + tick->name + "')");
-  }
-}
-
-/// Returns the messages that the match selects.
-Messages read_match(ConfigurationMap map, AttackRule& rule, const FrameLayout& layout) {
-  AttackMatch& match = rule.match;
-  read_message_names(map, match, layout);
-  read_nodes(map, match, layout);
-  read_identifier(map, match, layout);
-  const Messages selected = selected_messages(match, layout);
-  const bool has_bound = map.has("at_least") || map.has("at_most");
-  if (map.has("signal") || has_bound) {
-    map.read("signal", match.signal);
-    map.read("at_least", match.at_least);
-    map.read("at_most", match.at_most);
-    check_signal(map, "signal", match.signal, match, selected);
-    if (!has_bound) map.problem("signal", "needs at_least, at_most, or both");
-    if (match.at_least > match.at_most) map.problem("at_most", "lies below at_least");
-    if (rule.action == AttackRule::Action::kInject) {
-      map.problem("signal", "an injection compares nothing: there is no frame yet");
-    }
-  }
-  return selected;
-}
 
 // Numbers of a distribution, one per signal; a single number in the file stands for all of them.
 std::vector<double> read_numbers(ConfigurationMap& map, const char* key, std::size_t count,
                                  double fallback, Interval allowed) {
   std::vector<double> numbers(count, fallback);
-  map.require(key);
   map.read_shared(key, numbers, count, allowed);
   numbers.resize(count, fallback);
   return numbers;
@@ -167,9 +34,23 @@ void read_replay(ConfigurationMap& map, ReplayDelay& replay) {
   replay.high = static_cast<int>(range[1]);
 }
 
+// A replay takes all signals of one frame as they were: it has no number to share or to add.
+void check_replay(ConfigurationMap& map, const AttackRule& rule) {
+  using Action = AttackRule::Action;
+  if (rule.action == Action::kAdd || rule.action == Action::kScale) {
+    map.problem("distribution",
+                std::string("a replay writes earlier values and cannot be used by ") +
+                    to_string(rule.action) + "; use substitute");
+  }
+  if (rule.value_draw != AttackRule::ValueDraw::kSignal) {
+    map.problem("draw", "a replay draws one delay for each frame already; leave draw out");
+  }
+}
+
 void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
   using Kind = ValueDistribution::Kind;
-  rule_map.require("value");
+  const bool is_default = rule.action == AttackRule::Action::kForce && !rule_map.has("value");
+  if (!is_default) rule_map.require("value");
   ConfigurationMap map = rule_map.map("value");
   Kind kind = Kind::kConstant;
   map.read_choice("distribution", kind,
@@ -178,10 +59,15 @@ void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
                    {"normal", Kind::kNormal},
                    {"bernoulli", Kind::kBernoulli},
                    {"replay", Kind::kReplay}});
+  map.read_choice("draw", rule.value_draw,
+                  {{"signal", AttackRule::ValueDraw::kSignal},
+                   {"frame", AttackRule::ValueDraw::kFrame},
+                   {"step", AttackRule::ValueDraw::kStep}});
   const std::size_t count = rule.signals.size();
   rule.values.assign(count, {kind});
-  if (!rule_map.has("value") || count == 0) return;
+  if ((!is_default && !rule_map.has("value")) || count == 0) return;
   const auto fill = [&](const char* key, double ValueDistribution::*field, Interval allowed) {
+    if (!is_default) map.require(key);
     const std::vector<double> numbers =
         read_numbers(map, key, count, ValueDistribution().*field, allowed);
     for (std::size_t i = 0; i < count; ++i) rule.values[i].*field = numbers[i];
@@ -205,6 +91,7 @@ void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
       fill("probability", &ValueDistribution::probability, kProbability);
       break;
     case Kind::kReplay:
+      check_replay(map, rule);
       read_replay(map, rule.replay);
       break;
   }
@@ -285,7 +172,69 @@ void read_inject(ConfigurationMap& map, AttackRule& rule, const FrameLayout& lay
     map.problem("match", "an injection needs a message of the DBC file to forge");
 }
 
-AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
+// A condition speaks of a frame that passes both rules; a forged one meets no rule.
+bool can_be_named(const AttackRule& rule) {
+  return rule.action != AttackRule::Action::kInject;
+}
+
+std::string list_of(const std::vector<AttackRule>& rules) {
+  std::string list;
+  for (const AttackRule& rule : rules) {
+    if (can_be_named(rule)) list += (list.empty() ? "" : ", ") + rule.name;
+  }
+  return list.empty() ? "none" : list;
+}
+
+// Indices of the rules that a condition names: one name or a list.
+std::vector<std::uint32_t> read_condition(ConfigurationMap& map, const char* key,
+                                          const AttackRule& rule,
+                                          const std::vector<AttackRule>& earlier) {
+  std::vector<std::string> names;
+  if (std::string one; map.scalar_text(key, one)) {
+    map.read(key, one);
+    names.push_back(one);
+  } else {
+    map.read(key, names);
+  }
+  std::vector<std::uint32_t> indices;
+  if (names.empty()) return indices;
+  if (rule.action == AttackRule::Action::kInject) {
+    map.problem(key, "an injection cannot depend on another rule: there is no frame to join");
+    return indices;
+  }
+  for (const std::string& name : names) {
+    const auto found = std::find_if(earlier.begin(), earlier.end(),
+                                    [&](const AttackRule& it) { return it.name == name; });
+    if (found == earlier.end()) {
+      map.problem(key,
+                  "no earlier rule is named '" + name + "'; earlier rules: " + list_of(earlier));
+    } else if (!can_be_named(*found)) {
+      map.problem(key, "'" + name + "' injects, and no frame that it forges meets another rule");
+    } else {
+      indices.push_back(static_cast<std::uint32_t>(found - earlier.begin()));
+    }
+  }
+  return indices;
+}
+
+void read_conditions(ConfigurationMap& map, AttackRule& rule,
+                     const std::vector<AttackRule>& earlier) {
+  rule.given = read_condition(map, "given", rule, earlier);
+  rule.unless = read_condition(map, "unless", rule, earlier);
+  // Neither can ever hold: the rule would be dead without a word.
+  for (const std::uint32_t index : rule.given) {
+    const AttackRule& named = earlier[index];
+    if (named.action == AttackRule::Action::kDrop) {
+      map.problem("given", "'" + named.name + "' drops, and no later rule meets those frames");
+    }
+    if (std::find(rule.unless.begin(), rule.unless.end(), index) != rule.unless.end()) {
+      map.problem("unless", "'" + named.name + "' stands in given as well");
+    }
+  }
+}
+
+AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout,
+                     const std::vector<AttackRule>& earlier) {
   using Action = AttackRule::Action;
   AttackRule rule;
   map.require("name");
@@ -295,19 +244,32 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout) {
                   {{"drop", Action::kDrop},
                    {"flip", Action::kFlip},
                    {"substitute", Action::kSubstitute},
+                   {"force", Action::kForce},
+                   {"add", Action::kAdd},
+                   {"scale", Action::kScale},
+                   {"arm", Action::kArm},
                    {"inject", Action::kInject}});
-  const Messages selected = read_match(map.map("match"), rule, layout);
+  ConfigurationMap match_map = map.map("match");
+  const Messages selected = read_match(match_map, rule.match, layout);
+  if (rule.action == Action::kInject && !rule.match.signal.empty()) {
+    match_map.problem("signal", "an injection compares nothing: there is no frame yet");
+  }
   rule.window.read(map.map("window"));
   map.read("probability", rule.probability, kProbability);
   map.read_choice("draw", rule.draw,
                   {{"frame", AttackRule::Draw::kFrame}, {"step", AttackRule::Draw::kStep}});
+  read_conditions(map, rule, earlier);
   switch (rule.action) {
     case Action::kDrop:
+    case Action::kArm:
       break;
     case Action::kFlip:
       read_flip(map, rule, selected);
       break;
     case Action::kSubstitute:
+    case Action::kForce:
+    case Action::kAdd:
+    case Action::kScale:
       read_signals_and_values(map, rule, selected);
       break;
     case Action::kInject:
@@ -329,29 +291,23 @@ const char* to_string(AttackRule::Action action) {
       return "substitute";
     case AttackRule::Action::kInject:
       return "inject";
+    case AttackRule::Action::kForce:
+      return "force";
+    case AttackRule::Action::kAdd:
+      return "add";
+    case AttackRule::Action::kScale:
+      return "scale";
+    case AttackRule::Action::kArm:
+      return "arm";
   }
   return "unknown";
-}
-
-bool AttackMatch::matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const {
-  if (!messages.empty() &&
-      std::find(message_keys.begin(), message_keys.end(),
-                frame_key(frame_identifier, frame_is_extended)) == message_keys.end()) {
-    return false;
-  }
-  if (!identifier) return true;
-  return frame_is_extended == is_extended && ((frame_identifier ^ *identifier) & mask) == 0;
-}
-
-bool selects(const AttackMatch& match, const DbcMessage& message) {
-  return match.matches_identifier(message.identifier, message.is_extended);
 }
 
 std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLayout& layout) {
   std::vector<AttackRule> rules;
   std::set<std::string> names;
   for (ConfigurationMap map : parent.maps("attacks")) {
-    rules.push_back(read_rule(map, layout));
+    rules.push_back(read_rule(map, layout, rules));
     const std::string& name = rules.back().name;
     if (map.has("name") && name.empty()) map.problem("name", "must not be empty");
     if (!name.empty() && !names.insert(name).second)

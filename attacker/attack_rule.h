@@ -1,24 +1,18 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
-#include <optional>
 #include <string>
 #include <vector>
 
+#include "attacker/attack_match.h"
 #include "common/configuration.h"
 #include "common/step_window.h"
-#include "drivers/can/dbc.h"
 #include "drivers/can/frame_codec.h"
 
 namespace holdfast {
 
-/// Identifier and width in one number: bit 29 tells 29-bit identifiers from 11-bit ones.
-constexpr std::uint32_t frame_key(std::uint32_t identifier, bool is_extended) {
-  return identifier | (is_extended ? 1U << 29 : 0U);
-}
-
-/// Where the value of a substituted or forged signal comes from; physical units of the signal.
+/// Where the number comes from that a rule writes into a signal, adds to it or multiplies it by;
+/// physical units of the signal, a factor has none.
 struct ValueDistribution {
   enum class Kind { kConstant, kUniform, kNormal, kBernoulli, kReplay };
 
@@ -47,27 +41,21 @@ struct CountDistribution {
   double mean = 1.0;  // the count itself when constant; 0..kMax
 };
 
-/// Which frames a rule acts on; what is left out restricts nothing. The tick never matches.
-struct AttackMatch {
-  std::vector<std::string> nodes;           // senders in the DBC file; narrows `messages`
-  std::vector<std::string> messages;        // by name: identifier and width of a DBC message
-  std::vector<std::uint32_t> message_keys;  // frame_key() of each of them
-  std::optional<std::uint32_t> identifier;  // (identifier ^ frame's) & mask == 0
-  std::uint32_t mask = 0;
-  bool is_extended = false;  // width that `identifier` speaks of
-  std::string signal;        // "" when no comparison is asked
-  double at_least = -std::numeric_limits<double>::infinity();
-  double at_most = std::numeric_limits<double>::infinity();
-
-  /// True when names, identifier and mask let this identifier through; signals and the tick are
-  /// looked at by ProxyCore.
-  bool matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const;
-};
-
 /// One rule of the attacker, as the list `attacks` of a scenario states it (docs/attacks.md).
 struct AttackRule {
-  enum class Action : std::int32_t { kDrop = 0, kFlip = 1, kSubstitute = 2, kInject = 3 };
+  enum class Action : std::int32_t {
+    kDrop = 0,
+    kFlip = 1,
+    kSubstitute = 2,
+    kInject = 3,
+    kForce = 4,  // as kSubstitute, with a constant zero for default
+    kAdd = 5,
+    kScale = 6,
+    kArm = 7  // touches nothing: other rules refer to it
+  };
   enum class Draw { kFrame, kStep };  // kStep: one decision is shared by all frames of a step
+  // What shares one draw: nothing, the signals of a frame, or those of all frames of a step.
+  enum class ValueDraw { kSignal, kFrame, kStep };
 
   std::string name;
   AttackMatch match;
@@ -75,25 +63,31 @@ struct AttackRule {
   double probability = 1.0;
   Draw draw = Draw::kFrame;
   Action action = Action::kDrop;
+  // Indices of earlier rules. The rule acts only on frames on which all of `given` acted and none
+  // of `unless` did.
+  std::vector<std::uint32_t> given, unless;
 
   static constexpr std::size_t kSignalsMax = 100;
-  std::vector<std::string> signals;  // flip: one; substitute, inject: at least one
+  std::vector<std::string> signals;  // flip: one; with values: at least one
   int bit = -1;  // flip: payload bit as a DBC counts, -1 when a signal is flipped
-  std::vector<ValueDistribution> values;  // substitute, inject: one per signal, all of one kind
-  ReplayDelay replay;                     // of that kind
-  CountDistribution count;                // inject
-  std::string counter_signal;             // inject: set to step + counter_offset; "" for none
+  // Substitute, force, add, scale, inject: one per signal, all of one kind.
+  std::vector<ValueDistribution> values;
+  ValueDraw value_draw = ValueDraw::kSignal;
+  ReplayDelay replay;          // of that kind
+  CountDistribution count;     // inject
+  std::string counter_signal;  // inject: set to step + counter_offset; "" for none
   std::int64_t counter_offset = 0;
 };
 
 const char* to_string(AttackRule::Action action);
+/// True when the rule looks at what earlier rules did to the frame.
+inline bool is_conditional(const AttackRule& rule) {
+  return !rule.given.empty() || !rule.unless.empty();
+}
 /// True when the rule takes its values from earlier frames.
 inline bool replays(const AttackRule& rule) {
   return !rule.values.empty() && rule.values.front().kind == ValueDistribution::Kind::kReplay;
 }
-
-/// True when the rule, by name or identifier, speaks of this message; signals are not looked at.
-bool selects(const AttackMatch& match, const DbcMessage& message);
 
 /// Rules below the list key `attacks` of the map, in their order; none when there is no such key.
 ///

@@ -9,26 +9,6 @@ namespace {
 
 constexpr std::uint32_t kNumStandard = 1U << 11;
 
-// What a draw is used for. Each purpose owns one block of two uniforms, so that a normal value
-// (which needs both) never shares a word with another draw.
-enum Purpose : unsigned {
-  kDecision = 0,
-  kValue = 1,
-  kCount = 2,
-  kForgedValue = 3,
-  kSharedDecision = 4,
-  kReplayDelay = 5,
-  kFurtherValues = 16  // of the second signal, the third, ...
-};
-static_assert(kFurtherValues + AttackRule::kSignalsMax < 128, "a purpose has seven bits");
-
-// key: 30 bits, index: 26 bits, purpose: 7 bits, and the two draws of a block.
-std::uint64_t draw_address(std::uint32_t key, std::uint32_t index, unsigned purpose) {
-  return (static_cast<std::uint64_t>(key) << 34) |
-         (static_cast<std::uint64_t>(index & 0x3FFFFFFU) << 8) |
-         (static_cast<std::uint64_t>(purpose) << 1);
-}
-
 bool needs_signal(const AttackRule& rule) {
   return !rule.signals.empty() || !rule.match.signal.empty();
 }
@@ -49,6 +29,14 @@ std::int64_t selecting_value(const DbcSignal& signal) {
 
 std::span<std::uint8_t> payload(CanFrame& frame) {
   return {frame.data.data(), frame.num_bytes};
+}
+
+// What the signal is to say, given what it says and what was drawn.
+double new_value(AttackRule::Action action, const DbcSignal& signal, const CanFrame& frame,
+                 double drawn) {
+  if (action == AttackRule::Action::kAdd) return signal.unpack(frame.bytes()) + drawn;
+  if (action == AttackRule::Action::kScale) return signal.unpack(frame.bytes()) * drawn;
+  return drawn;
 }
 
 std::optional<DbcSignal> copy_of(const DbcSignal* signal) {
@@ -74,7 +62,10 @@ std::uint32_t ExtendedFrameCounter::next(std::uint32_t identifier, std::int64_t 
 
 ProxyCore::ProxyCore(std::vector<AttackRule> rules, const FrameLayout& layout, std::uint64_t seed,
                      std::uint32_t run, double step_s)
-    : rules_(std::move(rules)), step_s_(step_s), standard_counts_(kNumStandard) {
+    : rules_(std::move(rules)),
+      last_acted_on_(rules_.size(), -1),
+      step_s_(step_s),
+      standard_counts_(kNumStandard) {
   if (const DbcMessage* tick = layout.dbc.find(layout.tick_message)) {
     tick_ = *tick;
     if (const DbcSignal* step = tick->find(layout.tick_signal)) tick_step_ = *step;
@@ -243,11 +234,25 @@ std::uint32_t ProxyCore::next_index(const CanFrame& frame) {
   return entry.count++;
 }
 
+// The conditions on what earlier rules did to this frame.
+bool ProxyCore::is_due(const AttackRule& rule, std::int64_t rx_index) const {
+  for (const std::uint32_t earlier : rule.given) {
+    if (last_acted_on_[earlier] != rx_index) return false;
+  }
+  for (const std::uint32_t earlier : rule.unless) {
+    if (last_acted_on_[earlier] == rx_index) return false;
+  }
+  return true;
+}
+
 bool ProxyCore::can_act(const Candidate& candidate, const CanFrame& frame) const {
   if (((candidate.identifier ^ frame.identifier) & candidate.mask) != 0) return false;
   const AttackRule& rule = rules_[candidate.rule];
-  if (frame.has(CanFrame::kRemote))
-    return rule.action == AttackRule::Action::kDrop && candidate.target < 0;
+  if (frame.has(CanFrame::kRemote)) {
+    const bool needs_payload =
+        rule.action != AttackRule::Action::kDrop && rule.action != AttackRule::Action::kArm;
+    return !needs_payload && candidate.target < 0;
+  }
   if (rule.bit >= 8 * frame.num_bytes) return false;
   if (candidate.target < 0) return true;
   const Target& target = targets_[static_cast<std::size_t>(candidate.target)];
@@ -260,51 +265,21 @@ bool ProxyCore::can_act(const Candidate& candidate, const CanFrame& frame) const
   return value >= rule.match.at_least && value <= rule.match.at_most;
 }
 
-double ProxyCore::decision_draw(std::uint32_t rule, std::uint32_t key, std::uint32_t index) const {
-  const bool is_shared = rules_[rule].draw == AttackRule::Draw::kStep;
-  return streams_[rule].uniform(
-      static_cast<std::uint32_t>(step_),
-      is_shared ? draw_address(0, 0, kSharedDecision) : draw_address(key, index, kDecision));
-}
-
-double ProxyCore::draw_value(std::uint32_t rule, std::size_t signal, std::uint32_t key,
-                             std::uint32_t index, unsigned purpose) const {
-  using Kind = ValueDistribution::Kind;
-  const ValueDistribution& value = rules_[rule].values[signal];
-  const std::uint64_t address = draw_address(
-      key, index, signal == 0 ? purpose : kFurtherValues + static_cast<unsigned>(signal));
-  const auto step = static_cast<std::uint32_t>(step_);
-  switch (value.kind) {
-    case Kind::kConstant:
-    case Kind::kReplay:
-      break;
-    case Kind::kUniform: {
-      const double u = streams_[rule].uniform(step, address);
-      return (1.0 - u) * value.low + u * value.high;
-    }
-    case Kind::kNormal:
-      return value.mean + value.std * streams_[rule].normal(step, address);
-    case Kind::kBernoulli:
-      return streams_[rule].uniform(step, address) < value.probability ? 1.0 : 0.0;
-  }
-  return value.value;
-}
-
 // False, and the frame as it was, when what is to be replayed never came.
-bool ProxyCore::write_values(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
-                             unsigned purpose, CanFrame& frame) const {
+bool ProxyCore::write_values(const Candidate& candidate, const DrawPlace& place,
+                             CanFrame& frame) const {
   const Target& target = targets_[static_cast<std::size_t>(candidate.target)];
+  const AttackRule& rule = rules_[candidate.rule];
+  const RandomStream& stream = streams_[candidate.rule];
   if (target.history < 0) {
     for (std::size_t i = 0; i < target.acted_on.size(); ++i) {
-      target.acted_on[i].pack(payload(frame), draw_value(candidate.rule, i, key, index, purpose));
+      const DbcSignal& signal = target.acted_on[i];
+      const double drawn = value_draw(rule, stream, i, place);
+      signal.pack(payload(frame), new_value(rule.action, signal, frame, drawn));
     }
     return true;
   }
-  const ReplayDelay& replay = rules_[candidate.rule].replay;
-  const double u = streams_[candidate.rule].uniform(static_cast<std::uint32_t>(step_),
-                                                    draw_address(key, index, kReplayDelay));
-  const int span = replay.high - replay.low + 1;
-  const int delay = replay.low + std::min(span - 1, static_cast<int>(u * span));
+  const int delay = delay_draw(rule, stream, place);
   const CanFrame* earlier =
       histories_[static_cast<std::size_t>(target.history)].find(step_ - delay);
   if (earlier == nullptr) return false;
@@ -317,12 +292,9 @@ bool ProxyCore::write_values(const Candidate& candidate, std::uint32_t key, std:
   return true;
 }
 
-bool ProxyCore::alter(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
-                      CanFrame& frame) const {
+bool ProxyCore::alter(const Candidate& candidate, const DrawPlace& place, CanFrame& frame) const {
   const AttackRule& rule = rules_[candidate.rule];
-  if (rule.action != AttackRule::Action::kFlip) {
-    return write_values(candidate, key, index, kValue, frame);
-  }
+  if (rule.action != AttackRule::Action::kFlip) return write_values(candidate, place, frame);
   if (rule.bit >= 0) {
     frame.data[static_cast<std::size_t>(rule.bit) / 8] ^=
         static_cast<std::uint8_t>(1U << (rule.bit % 8));
@@ -354,17 +326,24 @@ void ProxyCore::on_frame(const CanFrame& frame, std::vector<CanFrame>& out,
     return;
   }
 
-  const std::uint32_t index = next_index(frame);
-  const std::uint32_t key = frame_key(frame.identifier, frame.has(CanFrame::kExtended));
+  const DrawPlace place = {static_cast<std::uint32_t>(step_),
+                           frame_key(frame.identifier, frame.has(CanFrame::kExtended)),
+                           next_index(frame)};
   out.push_back(frame);
   CanFrame& forwarded = out.back();
   bool is_touched = false;
   for (const Candidate& candidate : list) {
-    if (!is_open_[candidate.rule] || !can_act(candidate, forwarded)) continue;
-    const double draw = decision_draw(candidate.rule, key, index);
-    if (draw >= rules_[candidate.rule].probability) continue;
-    const bool is_drop = rules_[candidate.rule].action == AttackRule::Action::kDrop;
-    if (!is_drop && !alter(candidate, key, index, forwarded)) continue;
+    const AttackRule& rule = rules_[candidate.rule];
+    if (!is_open_[candidate.rule] || !can_act(candidate, forwarded) || !is_due(rule, rx_index)) {
+      continue;
+    }
+    const double draw = decision_draw(rule, streams_[candidate.rule], place);
+    if (draw >= rule.probability) continue;
+    const bool is_drop = rule.action == AttackRule::Action::kDrop;
+    const bool is_arm = rule.action == AttackRule::Action::kArm;
+    if (!is_drop && !is_arm && !alter(candidate, place, forwarded)) continue;
+    last_acted_on_[candidate.rule] = rx_index;
+    if (is_arm) continue;
     if (!is_touched) records.emplace_back();
     AttackRecord& record = records.back();
     if (!is_touched || is_drop) {
@@ -385,7 +364,7 @@ void ProxyCore::on_frame(const CanFrame& frame, std::vector<CanFrame>& out,
   AttackRecord& record = records.back();
   record.step = step_;
   record.rx_index = rx_index;
-  record.draw_index = index;
+  record.draw_index = place.index;
   record.original = frame;
   if (record.disposition == AttackRecord::Disposition::kDropped) {
     ++counters_.dropped;
@@ -410,19 +389,16 @@ void ProxyCore::inject(const Candidate& candidate, std::vector<CanFrame>& out,
   const AttackRule& rule = rules_[candidate.rule];
   const Target& target = targets_[static_cast<std::size_t>(candidate.target)];
   const RandomStream& stream = streams_[candidate.rule];
-  const std::uint32_t key =
-      frame_key(target.forged.identifier, target.forged.has(CanFrame::kExtended));
-  const double draw = decision_draw(candidate.rule, key, 0);
+  DrawPlace place = {static_cast<std::uint32_t>(step_),
+                     frame_key(target.forged.identifier, target.forged.has(CanFrame::kExtended)),
+                     0};
+  const double draw = decision_draw(rule, stream, place);
   if (draw >= rule.probability) return;
-  int count = static_cast<int>(rule.count.mean);
-  if (rule.count.kind == CountDistribution::Kind::kPoisson) {
-    count = stream.poisson(rule.count.mean, static_cast<std::uint32_t>(step_),
-                           draw_address(key, 0, kCount));
-  }
+  const int count = count_draw(rule, stream, place);
   for (int i = 0; i < count; ++i) {
-    const auto index = static_cast<std::uint32_t>(i);
+    place.index = static_cast<std::uint32_t>(i);
     CanFrame frame = target.forged;
-    if (!write_values(candidate, key, index, kForgedValue, frame)) continue;
+    if (!write_values(candidate, place, frame)) continue;
     if (target.counter && target.counter->fits(frame.num_bytes)) {
       target.counter->set_raw(payload(frame),
                               static_cast<std::uint64_t>(step_ + rule.counter_offset));

@@ -8,6 +8,7 @@
 
 #include "attacker/attack_rule.h"
 #include "attacker/frame_history.h"
+#include "attacker/rule_draws.h"
 #include "common/random_stream.h"
 #include "drivers/can/can_frame.h"
 #include "drivers/can/dbc.h"
@@ -61,8 +62,9 @@ class ExtendedFrameCounter {
 /// Pure and order-preserving. Frames that no rule touches leave unchanged to the byte. Frames with
 /// the tick's identifier are always passed and no rule can match them. Rules act in their order,
 /// each on what the earlier ones left; no rule sees a frame that was dropped or forged. A frame
-/// that a rule acted on counts as altered even when its bytes came out the same. No allocation once
-/// `out` and `records` have grown to what a step needs.
+/// that a rule acted on counts as altered even when its bytes came out the same; to arm other rules
+/// is not to act in that sense: it leaves no record. No allocation once `out` and `records` have
+/// grown to what a step needs.
 class ProxyCore {
  public:
   /// Draws of rule r come from the stream "attack/<name of r>", addressed by (step, identifier,
@@ -113,13 +115,9 @@ class ProxyCore {
   std::span<const Candidate> candidates(const CanFrame& frame) const;
   std::uint32_t next_index(const CanFrame& frame);
   bool can_act(const Candidate& candidate, const CanFrame& frame) const;
-  double decision_draw(std::uint32_t rule, std::uint32_t key, std::uint32_t index) const;
-  double draw_value(std::uint32_t rule, std::size_t signal, std::uint32_t key, std::uint32_t index,
-                    unsigned purpose) const;
-  bool write_values(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
-                    unsigned purpose, CanFrame& frame) const;
-  bool alter(const Candidate& candidate, std::uint32_t key, std::uint32_t index,
-             CanFrame& frame) const;
+  bool is_due(const AttackRule& rule, std::int64_t rx_index) const;
+  bool write_values(const Candidate& candidate, const DrawPlace& place, CanFrame& frame) const;
+  bool alter(const Candidate& candidate, const DrawPlace& place, CanFrame& frame) const;
   std::int32_t history_for(const AttackRule& rule, std::uint32_t key);
   void remember(const CanFrame& frame);
   void inject(const Candidate& candidate, std::vector<CanFrame>& out,
@@ -128,6 +126,9 @@ class ProxyCore {
   std::vector<AttackRule> rules_;
   std::vector<RandomStream> streams_;  // one per rule
   std::vector<char> is_open_;          // per rule: the current step lies in its window
+  // Per rule, rx_index of the frame on which it acted last: what conditions ask. An index, not a
+  // flag, so that nothing has to be cleared between frames.
+  std::vector<std::int64_t> last_acted_on_;
   std::vector<Target> targets_;
   std::vector<FrameHistory> histories_;
   DbcMessage tick_;

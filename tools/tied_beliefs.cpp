@@ -13,7 +13,8 @@ bool is_always_open(const StepWindow& window) {
 
 // True for a rule that acts on each frame of its messages with one probability, in every step.
 bool acts_always(const AttackRule& rule) {
-  return rule.bit < 0 && rule.match.signal.empty() && is_always_open(rule.window);
+  return rule.bit < 0 && rule.match.signal.empty() && !is_conditional(rule) &&
+         is_always_open(rule.window);
 }
 
 bool is_same(const ConfigurationMap& map, const char* key) {
@@ -33,6 +34,13 @@ void read_assumed(ConfigurationMap& map, const char* key, std::vector<double>& v
   }
 }
 
+// True for a rule that does what an estimator's belief about this action speaks of: to force a
+// value is to substitute it.
+bool does(const AttackRule& rule, AttackRule::Action action) {
+  using Action = AttackRule::Action;
+  return rule.action == action || (action == Action::kSubstitute && rule.action == Action::kForce);
+}
+
 // Probability that a sensor's bit arrives inverted. A rule that flips only at times has none.
 std::vector<double> true_flip_probability(const MethodContext& context, std::size_t num_sensors,
                                           std::string& untied_rule) {
@@ -50,8 +58,9 @@ std::vector<double> true_flip_probability(const MethodContext& context, std::siz
 }
 
 void report_untied(ConfigurationMap& map, const char* key, const std::string& rule) {
-  map.problem(key, "cannot be the same as rule '" + rule +
-                       "', which acts only at times or on some messages; give a number");
+  map.problem(
+      key, "cannot be the same as rule '" + rule +
+               "', which acts only at times, on some messages or under conditions; give a number");
 }
 
 }  // namespace
@@ -85,7 +94,7 @@ std::optional<double> tied_probability(ConfigurationMap& map, const char* key,
   double untouched = 1.0;
   std::string untied_rule;
   for (const AttackRule& rule : context.rules) {
-    if (rule.action != action || rule.probability == 0.0) continue;
+    if (!does(rule, action) || rule.probability == 0.0) continue;
     const bool takes_all =
         std::ranges::all_of(context.layout.messages, [&](const std::string& name) {
           const DbcMessage* message = context.layout.dbc.find(name);

@@ -13,8 +13,9 @@ BinaryTargetModel::Attack read_assumed_attack(ConfigurationMap map,
                                               const MethodContext& context);
 
 /// True probability for a key that says "same": that a frame is touched by a rule of this action,
-/// or that it is not. None when the key says something else. Reports "same" where no one number is
-/// true: a rule acts only at times or on some of the messages.
+/// or that it is not; a rule that forces values counts as one that substitutes them. None when the
+/// key says something else. Reports "same" where no one number is true: a rule acts only at times,
+/// on some of the messages, or where another rule did or did not.
 std::optional<double> tied_probability(ConfigurationMap& map, const char* key,
                                        AttackRule::Action action, bool is_touched,
                                        const MethodContext& context);

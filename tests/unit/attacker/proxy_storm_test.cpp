@@ -20,6 +20,11 @@ attacks:
   - {name: lie, match: {messages: [Flag1, Flag2, Flag3]}, action: flip, signal: DETECT, probability: 0.3, draw: step}
   - {name: level, match: {messages: [Level], signal: LEVEL, at_least: 0}, action: substitute, signal: LEVEL,
      value: {distribution: normal, mean: 1, std: 2}, probability: 0.6}
+  - {name: armed, action: arm, probability: 0.5}
+  - {name: shift, given: armed, match: {messages: [Level]}, action: add, signal: LEVEL,
+     value: {distribution: normal, mean: 1, std: 2, draw: step}}
+  - {name: grow, unless: [shift, cut], action: scale, signal: STEP, value: {distribution: uniform, low: -9, high: 9}}
+  - {name: none, given: [armed, grow], action: force, signal: STEP, probability: 0.3, draw: step}
   - {name: any, action: flip, bit: 0, probability: 0.1}
   - {name: ghosts, match: {messages: [Flag1, Wide]}, action: inject, signal: STEP, value: {value: 3},
      count: {distribution: poisson, mean: 3}}

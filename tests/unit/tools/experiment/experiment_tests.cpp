@@ -76,6 +76,20 @@ TEST_CASE("a flip that acts only at times is not tied to a belief without a word
             .empty());
 }
 
+TEST_CASE("a flip under a condition is not tied to a belief, an arming rule ties nothing") {
+  const std::string armed =
+      "attacks=[{name: armed, action: arm, probability: 0.5}, {name: lie, "
+      "probability: 0.2, action: flip, signal: DETECT";
+  const std::string apart = "estimators.secure.assumes.flip=0.1";
+  for (const char* condition : {"given", "unless"}) {
+    const std::string attacks = armed + ", " + condition + ": armed}]";
+    CHECK(mentions(problems_of({attacks}), "cannot be the same as rule 'lie'"));
+    CHECK(problems_of({attacks, apart}).empty());
+  }
+  const Experiment free = load_experiment(scenario("binary_tracking"), {armed + "}]"});
+  CHECK(maker_of(free, "secure").assumes.flip == std::vector<double>(16, 0.2));
+}
+
 TEST_CASE("probabilities may differ between sensors") {
   const std::string list = "[1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]";
   const Experiment experiment =

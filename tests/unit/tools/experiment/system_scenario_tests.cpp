@@ -94,6 +94,21 @@ TEST_CASE("same ties delivery and substitution probabilities to the rules") {
                  "cannot be the same as rule 'loss'"));
 }
 
+TEST_CASE("a forced packet counts as a substituted one, and no condition has one probability") {
+  const auto r_after = [](const std::vector<std::string>& overrides) {
+    const Experiment experiment = load_experiment(scenario("ieee14_substitution"), overrides);
+    Simulation simulation(experiment, 0);
+    for (int k = 0; k < 8; ++k) simulation.advance();
+    return simulation.estimates()[0]->attack_probability;
+  };
+  const std::string force = "attacks.substitution.action=force";
+  CHECK(r_after({force}) == r_after({force, "estimators.hybrid.substitution_probability=0.3"}));
+  CHECK(r_after({force}) != r_after({force, "estimators.hybrid.substitution_probability=0.1"}));
+  CHECK(mentions(problems_of("ieee14", {"attacks=[{name: armed, action: arm, probability: 0.5}, "
+                                        "{name: loss, given: armed, action: drop}]"}),
+                 "cannot be the same as rule 'loss'"));
+}
+
 TEST_CASE("the clairvoyant filter sees authentic packets and attacked steps, and nothing else") {
   const Experiment experiment =
       load_experiment(scenario("ieee14"), {"plant.signal_attacks.0.window.first_step=20",

@@ -1,0 +1,153 @@
+#include "attacker/attack_match.h"
+
+#include <algorithm>
+#include <set>
+
+namespace holdfast {
+namespace {
+
+constexpr std::uint32_t kStandardMask = 0x7FF;
+constexpr std::uint32_t kExtendedMask = 0x1FFFFFFF;
+
+using Messages = std::vector<const DbcMessage*>;
+
+bool is_tick_message(const FrameLayout& layout, const DbcMessage& message) {
+  return message.name == layout.tick_message;
+}
+
+// Messages that the match names, or that fall under its identifier and mask; never the tick.
+Messages selected_messages(const AttackMatch& match, const FrameLayout& layout) {
+  Messages selected;
+  for (const DbcMessage& message : layout.dbc.messages) {
+    if (!is_tick_message(layout, message) && selects(match, message)) selected.push_back(&message);
+  }
+  return selected;
+}
+
+void read_message_names(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
+  map.read("messages", match.messages);
+  std::set<std::string> seen;
+  for (const std::string& name : match.messages) {
+    const DbcMessage* message = layout.dbc.find(name);
+    if (name == layout.tick_message) {
+      map.problem("messages", "no rule can match the tick ('" + name + "')");
+    } else if (message == nullptr) {
+      map.problem("messages", "the DBC file has no message '" + name + "'");
+    } else {
+      match.message_keys.push_back(frame_key(message->identifier, message->is_extended));
+    }
+    if (!seen.insert(name).second) map.problem("messages", "'" + name + "' given twice");
+  }
+}
+
+// Narrows the match to messages that one of the nodes sends; a node is a sender in the DBC file.
+void read_nodes(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
+  map.read("nodes", match.nodes);
+  if (match.nodes.empty()) return;
+  for (const std::string& node : match.nodes) {
+    const auto sends = [&node](const DbcMessage& message) { return message.sender == node; };
+    if (std::none_of(layout.dbc.messages.begin(), layout.dbc.messages.end(), sends)) {
+      map.problem("nodes", "no message of the DBC file is sent by '" + node + "'");
+    }
+  }
+  const std::vector<std::string> named = std::move(match.messages);
+  match.messages.clear();
+  match.message_keys.clear();
+  for (const DbcMessage& message : layout.dbc.messages) {
+    const bool is_named =
+        named.empty() || std::find(named.begin(), named.end(), message.name) != named.end();
+    const bool is_sent =
+        std::find(match.nodes.begin(), match.nodes.end(), message.sender) != match.nodes.end();
+    if (!is_named || !is_sent || is_tick_message(layout, message)) continue;
+    match.messages.push_back(message.name);
+    match.message_keys.push_back(frame_key(message.identifier, message.is_extended));
+  }
+  if (match.messages.empty())
+    map.problem("nodes", "send none of the messages that the rule could match");
+}
+
+void read_identifier(ConfigurationMap& map, AttackMatch& match, const FrameLayout& layout) {
+  if (!map.has("identifier")) {
+    for (const char* key : {"mask", "extended"}) {
+      if (map.has(key)) map.problem(key, "needs the key identifier");
+    }
+    std::int64_t unused_mask = 0;
+    bool unused_flag = false;
+    // Read all the same, so that the keys are not called unknown on top.
+    if (map.has("mask")) map.read("mask", unused_mask);
+    if (map.has("extended")) map.read("extended", unused_flag);
+    return;
+  }
+  map.read("extended", match.is_extended);
+  const std::uint32_t full = match.is_extended ? kExtendedMask : kStandardMask;
+  std::int64_t identifier = 0;
+  std::int64_t mask = full;
+  map.read("identifier", identifier, {0.0, static_cast<double>(full)});
+  map.read("mask", mask, {0.0, static_cast<double>(full)});
+  match.identifier = static_cast<std::uint32_t>(identifier);
+  match.mask = static_cast<std::uint32_t>(mask);
+  const DbcMessage* tick = layout.dbc.find(layout.tick_message);
+  if (tick != nullptr && match.mask == full && tick->is_extended == match.is_extended &&
+      tick->identifier == match.identifier) {
+    map.problem("identifier", "no rule can match the tick ('" + tick->name + "')");
+  }
+}
+
+}  // namespace
+
+bool AttackMatch::matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const {
+  if (!messages.empty() &&
+      std::find(message_keys.begin(), message_keys.end(),
+                frame_key(frame_identifier, frame_is_extended)) == message_keys.end()) {
+    return false;
+  }
+  if (!identifier) return true;
+  return frame_is_extended == is_extended && ((frame_identifier ^ *identifier) & mask) == 0;
+}
+
+bool selects(const AttackMatch& match, const DbcMessage& message) {
+  return match.matches_identifier(message.identifier, message.is_extended);
+}
+
+Messages read_match(ConfigurationMap map, AttackMatch& match, const FrameLayout& layout) {
+  read_message_names(map, match, layout);
+  read_nodes(map, match, layout);
+  read_identifier(map, match, layout);
+  const Messages selected = selected_messages(match, layout);
+  const bool has_bound = map.has("at_least") || map.has("at_most");
+  if (map.has("signal") || has_bound) {
+    map.read("signal", match.signal);
+    map.read("at_least", match.at_least);
+    map.read("at_most", match.at_most);
+    check_signal(map, "signal", match.signal, match, selected);
+    if (!has_bound) map.problem("signal", "needs at_least, at_most, or both");
+    if (match.at_least > match.at_most) map.problem("at_most", "lies below at_least");
+  }
+  return selected;
+}
+
+void check_signal(ConfigurationMap& map, const char* key, const std::string& signal,
+                  const AttackMatch& match, const Messages& selected) {
+  if (signal.empty()) {
+    map.problem(key, "must name a signal");
+    return;
+  }
+  const DbcMessage* without = nullptr;
+  bool is_somewhere = false;
+  for (const DbcMessage* message : selected) {
+    if (message->find(signal) != nullptr) {
+      is_somewhere = true;
+    } else if (without == nullptr) {
+      without = message;
+    }
+  }
+  if (!match.messages.empty()) {
+    if (without != nullptr) {
+      map.problem(key, "message '" + without->name + "' has no signal '" + signal + "'");
+    }
+  } else if (!is_somewhere) {
+    map.problem(key, "no message that the rule matches has a signal '" + signal + "'");
+  }
+}
+
+}  // namespace holdfast
