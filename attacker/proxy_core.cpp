@@ -346,6 +346,7 @@ void ProxyCore::on_frame(const CanFrame& frame, std::vector<CanFrame>& out,
     if (is_arm) continue;
     if (!is_touched) records.emplace_back();
     AttackRecord& record = records.back();
+    record.note(rule.action);
     if (!is_touched || is_drop) {
       record.rule = candidate.rule;
       record.draw = draw;
@@ -405,6 +406,7 @@ void ProxyCore::inject(const Candidate& candidate, std::vector<CanFrame>& out,
     }
     AttackRecord& record = records.emplace_back();
     record.disposition = AttackRecord::Disposition::kInjected;
+    record.note(rule.action);
     record.rule = candidate.rule;
     record.step = step_;
     record.tx_index = counters_.sent++;

@@ -23,6 +23,7 @@ struct AttackRecord {
   Disposition disposition = Disposition::kAltered;
   std::size_t rule =
       0;  // index of the rule that dropped or forged it, else of the first that acted
+  std::uint32_t actions = 0;  // bit i: a rule with the action of number i acted
   std::int64_t step = 0;
   std::int64_t rx_index = -1;  // nth frame that the proxy read, -1 for an injected one
   std::int64_t tx_index = -1;  // nth frame that the proxy sent, -1 for a dropped one
@@ -30,6 +31,11 @@ struct AttackRecord {
       0;              // index among the identifier's frames of the step, or among the forged ones
   double draw = 0.0;  // uniform draw that was compared with the probability
   CanFrame original, forwarded;  // as read, as sent; empty where there is none
+
+  void note(AttackRule::Action action) { actions |= 1U << static_cast<unsigned>(action); }
+  bool acted(AttackRule::Action action) const {
+    return (actions >> static_cast<unsigned>(action) & 1U) != 0;
+  }
 };
 
 struct ProxyCounters {

@@ -39,10 +39,11 @@ class AttackHypotheses {
     } else {
       for (std::size_t i = 0; i < kZero; ++i) {
         if (attack_.prior[i] == 0.0) continue;
-        believe_hypothesis(observation, R, attack_, static_cast<AttackHypothesis>(i), reading_);
-        const UpdateResult one = update_.weigh(observation, reading_, y);
+        ReadingBelief<L>& reading = readings_[i];
+        believe_hypothesis(observation, R, attack_, static_cast<AttackHypothesis>(i), reading);
+        const UpdateResult one = update_.weigh(observation, reading, y);
         if (!one.is_definite) continue;
-        update_.apply(prior, observation, reading_, beliefs_[i]);
+        update_.apply(prior, observation, reading, beliefs_[i]);
         log_weights_[i] = log_prior_[i] + one.log_density;
       }
       if (zero_std_ > 0.0) {
@@ -61,6 +62,12 @@ class AttackHypotheses {
   const Belief<N>* given(AttackHypothesis hypothesis) const {
     const auto i = static_cast<std::size_t>(hypothesis);
     return log_weights_[i] > -kInfinity ? &beliefs_[i] : nullptr;
+  }
+  /// The reading as the most probable hypothesis has it; null where that is DoS.
+  const ReadingBelief<L>* likeliest_reading() const {
+    const auto i = static_cast<std::size_t>(std::max_element(posterior_.begin(), posterior_.end()) -
+                                            posterior_.begin());
+    return i == kZero ? nullptr : &readings_[i];
   }
   /// True when the latest update was by a reading that only DoS explains.
   bool is_certainly_forced() const { return posterior_[kZero] == 1.0; }
@@ -120,7 +127,7 @@ class AttackHypotheses {
   double zero_std_;
   std::array<double, kNumAttackHypotheses> log_prior_{}, log_weights_{}, posterior_{};
   std::array<Belief<N>, kNumAttackHypotheses> beliefs_;
-  ReadingBelief<L> reading_;
+  std::array<ReadingBelief<L>, kZero> readings_;
   GaussianUpdate<N, L> update_;
 };
 

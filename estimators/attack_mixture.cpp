@@ -33,11 +33,16 @@ class AttackMixtureMethod {
   }
 
   VectorResult correct(const Belief<N>& prior, const Observation<N, L>& observation,
-                       const Small<L, L>& R, const Small<L>& y, Belief<N>& posterior) {
+                       const ReadingBelief<L>& /*reading*/, const Small<L, L>& R, const Small<L>& y,
+                       Belief<N>& posterior) {
     const auto found = of_state_.now().update(prior, observation, R, y, posterior);
     if (!found.is_usable) return {};
-    return {VectorResult::Kind::kCorrected, 0.0, found.log_density};
+    const bool teaches = of_state_.now().likeliest_reading() != nullptr;
+    return {teaches ? VectorResult::Kind::kCorrected : VectorResult::Kind::kSkipped, 0.0,
+            found.log_density};
   }
+
+  const ReadingBelief<L>* explained() const { return of_state_.now().likeliest_reading(); }
 
   void publish(Estimate& estimate) const {
     const AttackHypotheses<N, L>& hypotheses = of_state_.now();
@@ -88,11 +93,13 @@ void AttackMixtureOptions::read(ConfigurationMap& map, const SystemModel& model)
 
 AttackMixture::AttackMixture(const SystemModel& model, const AttackMixtureOptions& options,
                              std::vector<std::vector<int>> rows)
-    : VectorFilter(make_vector_kernel<AttackMixtureMethod>(
-                       model, options.linearisation, options.start.gaussian(model.num_states()),
-                       [&]<int N, int L>() {
-                         return AttackMixtureMethod<N, L>(options, model.num_measurements());
-                       }),
-                   model, options, std::move(rows)) {}
+    : VectorFilter(make_kernel(model, options), model, options, std::move(rows)) {}
+
+std::unique_ptr<VectorKernel> make_kernel(const SystemModel& model,
+                                          const AttackMixtureOptions& options) {
+  return make_vector_kernel<AttackMixtureMethod, KnownSizes<4, 2>>(
+      model, options.linearisation, options.start.gaussian(model.num_states()),
+      [&]<int N, int L>() { return AttackMixtureMethod<N, L>(options, model.num_measurements()); });
+}
 
 }  // namespace holdfast

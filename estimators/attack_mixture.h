@@ -21,7 +21,8 @@ struct AttackMixtureOptions : VectorFilterOptions {
 /// zero. One Kalman update per hypothesis, collapsed to one Gaussian (GPB1; docs/gslr.md).
 ///
 /// attack_probability is 1 - P(untouched | readings up to now); hypotheses hold the posterior
-/// probability of each and the state given it. Without packets the prior probabilities stand.
+/// probability of each and the state given it. Without packets the prior probabilities stand. The
+/// innovation is that of the most probable hypothesis; none where that is forced to zero.
 class AttackMixture : public VectorFilter {
  public:
   /// rows[s]: rows of y that a packet of source s carries. Throws UsageError when model, options

@@ -67,21 +67,21 @@ struct UpdateResult {
 template <int N>
 void predict_linear(const Small<N, N>& F, const Small<N, N>& Q, const Belief<N>& belief,
                     Small<N, N>& cross, Belief<N>& next) {
-  next.mean.noalias() = F * belief.mean;
-  cross.noalias() = belief.covariance * F.transpose();
+  next.mean = F.lazyProduct(belief.mean);
+  cross = belief.covariance.lazyProduct(F.transpose());
   next.covariance = Q;
-  next.covariance.noalias() += F * cross;
+  next.covariance += F.lazyProduct(cross);
   symmetrise_small(next.covariance);
 }
 
 /// h(x) = H x.
 template <int N, int L>
 void observe_linear(const Small<L, N>& H, const Belief<N>& belief, Observation<N, L>& observation) {
-  observation.h.noalias() = H * belief.mean;
+  observation.h = H.lazyProduct(belief.mean);
   observation.J = H;
   observation.has_jacobian = true;
-  observation.Pxh.noalias() = belief.covariance * H.transpose();
-  observation.Phh.noalias() = H * observation.Pxh;
+  observation.Pxh = belief.covariance.lazyProduct(H.transpose());
+  observation.Phh = H.lazyProduct(observation.Pxh);
   symmetrise_small(observation.Phh);
 }
 
@@ -104,7 +104,7 @@ class GaussianUpdate {
   /// Weighs the innovation by S; missing rows count in nothing.
   UpdateResult weigh(const Observation<N, L>& observation, const ReadingBelief<L>& reading,
                      const Small<L>& y) {
-    whitened_ = y - reading.mean;
+    forwarded_ = y - reading.mean;
     if (observation.num_missing == 0) return weigh(reading.S, 0);
     masked_ = reading.S;
     for (Eigen::Index i = 0; i < y.size(); ++i) {
@@ -112,7 +112,7 @@ class GaussianUpdate {
       masked_.row(i).setZero();
       masked_.col(i).setZero();
       masked_(i, i) = 1.0;
-      whitened_[i] = 0.0;
+      forwarded_[i] = 0.0;
     }
     return weigh(masked_, observation.num_missing);
   }
@@ -121,21 +121,23 @@ class GaussianUpdate {
   void apply(const Belief<N>& prior, const Observation<N, L>& observation,
              const ReadingBelief<L>& reading, Belief<N>& posterior) {
     gain_ = reading.c * observation.Pxh;
-    factor_.whiten_right(gain_);
+    factor_.forward_right(gain_);
+    half_gain_ = gain_;
+    factor_.scale_right(gain_);
     posterior.mean = prior.mean;
-    posterior.mean.noalias() += gain_ * whitened_;
+    posterior.mean += gain_.lazyProduct(forwarded_);
     if (observation.has_jacobian) {
-      factor_.colour_right(gain_);
+      factor_.backward_right(gain_);
       scaled_gain_ = reading.c * gain_;
       keep_.setIdentity(prior.mean.size(), prior.mean.size());
-      keep_.noalias() -= scaled_gain_ * observation.J;
-      kept_.noalias() = keep_ * prior.covariance;
-      noise_gain_.noalias() = gain_ * reading.Omega;
-      posterior.covariance.noalias() = kept_ * keep_.transpose();
-      posterior.covariance.noalias() += noise_gain_ * gain_.transpose();
+      keep_ -= scaled_gain_.lazyProduct(observation.J);
+      kept_ = keep_.lazyProduct(prior.covariance);
+      noise_gain_ = gain_.lazyProduct(reading.Omega);
+      posterior.covariance = kept_.lazyProduct(keep_.transpose());
+      posterior.covariance += noise_gain_.lazyProduct(gain_.transpose());
     } else {
       posterior.covariance = prior.covariance;
-      posterior.covariance.noalias() -= gain_ * gain_.transpose();
+      posterior.covariance -= gain_.lazyProduct(half_gain_.transpose());
     }
     symmetrise_small(posterior.covariance);
   }
@@ -147,18 +149,18 @@ class GaussianUpdate {
     UpdateResult result;
     if (!factor_.factorise(S)) return result;
     result.is_definite = true;
-    factor_.whiten(whitened_);
-    result.squared_distance = whitened_.squaredNorm();
+    factor_.forward(forwarded_);
+    result.squared_distance = (forwarded_.array().square() * factor_.reciprocals().array()).sum();
     const auto num_rows = static_cast<double>(S.rows() - num_missing);
     result.log_density =
         factor_.log_density_factor() - 0.5 * (result.squared_distance + num_rows * kLogTwoPi);
     return result;
   }
 
-  SmallCholesky<L> factor_;
-  Small<L> whitened_;
+  SmallFactor<L> factor_;
+  Small<L> forwarded_;  // L^-1 nu
   Small<L, L> masked_;
-  Small<N, L> gain_, scaled_gain_, noise_gain_;
+  Small<N, L> gain_, half_gain_, scaled_gain_, noise_gain_;
   Small<N, N> keep_, kept_;
 };
 

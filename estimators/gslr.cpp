@@ -27,13 +27,13 @@ class GslrMethod {
   }
 
   VectorResult correct(const Belief<N>& prior, const Observation<N, L>& observation,
-                       const Small<L, L>& R, const Small<L>& y, Belief<N>& posterior) {
+                       const ReadingBelief<L>& reading, const Small<L, L>& /*R*/, const Small<L>& y,
+                       Belief<N>& posterior) {
     const bool is_forced = skips_zero_ && (y.array() == 0.0).all();
     if (is_forced || attacks_.now().moments.s1 == 0.0) return {VectorResult::Kind::kSkipped};
-    believe(observation, R, reading_);
-    const UpdateResult one = update_.weigh(observation, reading_, y);
+    const UpdateResult one = update_.weigh(observation, reading, y);
     if (!one.is_definite) return {};
-    update_.apply(prior, observation, reading_, posterior);
+    update_.apply(prior, observation, reading, posterior);
     return {VectorResult::Kind::kCorrected, one.squared_distance, one.log_density};
   }
 
@@ -43,7 +43,6 @@ class GslrMethod {
   RegressionMoments moments_;
   bool skips_zero_;
   PeriodSchedule<SizedAttackStatistics<L>> attacks_;
-  ReadingBelief<L> reading_;
   GaussianUpdate<N, L> update_;
 };
 
@@ -67,10 +66,12 @@ AttackStatistics given_no_dos(AttackStatistics statistics) {
 }
 
 Gslr::Gslr(const SystemModel& model, const GslrOptions& options, std::vector<std::vector<int>> rows)
-    : VectorFilter(
-          make_vector_kernel<GslrMethod>(
-              model, options.linearisation, options.start.gaussian(model.num_states()),
-              [&]<int N, int L>() { return GslrMethod<N, L>(options, model.num_measurements()); }),
-          model, options, std::move(rows)) {}
+    : VectorFilter(make_kernel(model, options), model, options, std::move(rows)) {}
+
+std::unique_ptr<VectorKernel> make_kernel(const SystemModel& model, const GslrOptions& options) {
+  return make_vector_kernel<GslrMethod, KnownSizes<4, 2>>(
+      model, options.linearisation, options.start.gaussian(model.num_states()),
+      [&]<int N, int L>() { return GslrMethod<N, L>(options, model.num_measurements()); });
+}
 
 }  // namespace holdfast

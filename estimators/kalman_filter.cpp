@@ -21,12 +21,12 @@ class KalmanMethod {
   }
 
   VectorResult correct(const Belief<N>& prior, const Observation<N, L>& observation,
-                       const Small<L, L>& R, const Small<L>& y, Belief<N>& posterior) {
+                       const ReadingBelief<L>& reading, const Small<L, L>& /*R*/, const Small<L>& y,
+                       Belief<N>& posterior) {
     if (skips_zero_ && (y.array() == 0.0).all()) return {VectorResult::Kind::kSkipped};
-    believe_reading(observation, R, reading_);
-    const UpdateResult one = update_.weigh(observation, reading_, y);
+    const UpdateResult one = update_.weigh(observation, reading, y);
     if (!one.is_definite) return {};
-    update_.apply(prior, observation, reading_, posterior);
+    update_.apply(prior, observation, reading, posterior);
     return {VectorResult::Kind::kCorrected, one.squared_distance, one.log_density};
   }
 
@@ -34,7 +34,6 @@ class KalmanMethod {
 
  private:
   bool skips_zero_;
-  ReadingBelief<L> reading_;
   GaussianUpdate<N, L> update_;
 };
 
@@ -46,7 +45,7 @@ KalmanFilter::KalmanFilter(const SystemModel& model, const KalmanFilterOptions& 
 
 std::unique_ptr<VectorKernel> make_kernel(const SystemModel& model,
                                           const KalmanFilterOptions& options) {
-  return make_vector_kernel<KalmanMethod>(
+  return make_vector_kernel<KalmanMethod, KnownSizes<4, 2>, KnownSizes<12, 12>>(
       model, options.linearisation, options.start.gaussian(model.num_states()),
       [&options]<int N, int L>() { return KalmanMethod<N, L>(options.skip_zero); });
 }

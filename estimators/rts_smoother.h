@@ -21,17 +21,15 @@ template <int N>
 bool smooth_back(const SmoothingStep<N>& next, const Belief<N>& next_smoothed,
                  const Belief<N>& filtered, Belief<N>& smoothed) {
   smoothed = filtered;
-  SmallCholesky<N> factor;
+  SmallFactor<N> factor;
   if (!factor.factorise(next.predicted.covariance)) return false;
   Small<N, N> gain = next.cross;
-  factor.whiten_right(gain);
-  factor.colour_right(gain);
+  factor.solve_right(gain);
   const Small<N> shift = next_smoothed.mean - next.predicted.mean;
-  smoothed.mean.noalias() += gain * shift;
+  smoothed.mean += gain.lazyProduct(shift);
   const Small<N, N> change = next_smoothed.covariance - next.predicted.covariance;
-  Small<N, N> gained;
-  gained.noalias() = gain * change;
-  smoothed.covariance.noalias() += gained * gain.transpose();
+  const Small<N, N> gained = gain.lazyProduct(change);
+  smoothed.covariance += gained.lazyProduct(gain.transpose());
   symmetrise_small(smoothed.covariance);
   return true;
 }

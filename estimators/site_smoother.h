@@ -57,11 +57,9 @@ class SiteSmoother {
   };
 
   static bool invert(const Small<L, L>& matrix, Small<L, L>& inverse) {
-    SmallCholesky<L> factor;
+    SmallFactor<L> factor;
     if (!factor.factorise(matrix)) return false;
-    inverse.setIdentity(matrix.rows(), matrix.cols());
-    factor.whiten_right(inverse);
-    factor.colour_right(inverse);
+    factor.invert(inverse);
     return true;
   }
 
@@ -118,8 +116,7 @@ class SiteSmoother {
     filtered = predicted;
     if (!site.is_set || !factor_.factorise(prediction_.covariance) || !find_corrected(site)) return;
     Small<N, L> gain = observation_.Pxh;
-    factor_.whiten_right(gain);
-    factor_.colour_right(gain);
+    factor_.solve_right(gain);
     const Small<L> shift = corrected_.mean - prediction_.mean;
     filtered.mean.noalias() += gain * shift;
     const Small<L, L> change = corrected_.covariance - prediction_.covariance;
@@ -133,7 +130,7 @@ class SiteSmoother {
   std::vector<SmoothingStep<N>> track_;
   Observation<N, L> observation_, smoothed_observation_;
   Belief<L> prediction_, cavity_, tilted_, corrected_;
-  SmallCholesky<L> factor_;
+  SmallFactor<L> factor_;
 };
 
 }  // namespace holdfast

@@ -17,8 +17,9 @@ namespace holdfast {
 ///
 ///   void begin_step(step)                                for parameters that change
 ///   void believe(observation, R, reading)                the reading as one Gaussian
-///   VectorResult correct(prior, observation, R, y, posterior)
+///   VectorResult correct(prior, observation, reading, R, y, posterior)
 ///   void publish(estimate)
+///   const ReadingBelief* explained()                     optional: the reading as it was explained
 ///   int num_passes()                                     of the smoother; 1: Rauch-Tung-Striebel
 ///   bool tilt(step, observation of s, R, y, tilted s)    where num_passes() may be more
 ///
@@ -62,11 +63,18 @@ class SizedVectorKernel : public VectorKernel {
     rows_.assign(rows.begin(), rows.end());
     const Observation<N, L>& observation = take(rows, values);
     method_.believe(observation, model_.R(), reading_);
-    now_.has_reading = true;
-    now_.y = y_;
-    now_.num_missing = observation.num_missing;
-    now_.is_missing = observation.is_missing;
-    return method_.correct(now_.smoothing.predicted, observation, model_.R(), y_, belief_);
+    if (num_kept_max_ > 0) {
+      now_.has_reading = true;
+      now_.y = y_;
+      now_.num_missing = observation.num_missing;
+      now_.is_missing = observation.is_missing;
+    }
+    const VectorResult result =
+        method_.correct(now_.smoothing.predicted, observation, reading_, model_.R(), y_, belief_);
+    if constexpr (requires(const Method<N, L>& m) { m.explained(); }) {
+      if (const ReadingBelief<L>* explained = method_.explained()) reading_ = *explained;
+    }
+    return result;
   }
 
   void end_step() override {
@@ -179,9 +187,15 @@ class SizedVectorKernel : public VectorKernel {
   SiteSmoother<N, L> sites_;
 };
 
-/// The kernel in the sizes of the model: known ones where a program was compiled for them. Throws
+/// Sizes that a kernel is compiled for.
+template <int NumStates, int NumMeasurements>
+struct KnownSizes {
+  static constexpr int kN = NumStates, kL = NumMeasurements;
+};
+
+/// The kernel in the sizes of the model, if they are among the known ones, else of any. Throws
 /// UsageError for a model with problems() or of more than kSmallSizeMax states or measurements.
-template <template <int, int> class Method, class MakeMethod>
+template <template <int, int> class Method, class... Known, class MakeMethod>
 std::unique_ptr<VectorKernel> make_vector_kernel(const SystemModel& model,
                                                  Linearisation linearisation, const Gaussian& start,
                                                  const MakeMethod& make_method) {
@@ -196,8 +210,13 @@ std::unique_ptr<VectorKernel> make_vector_kernel(const SystemModel& model,
     return std::make_unique<SizedVectorKernel<Method, N, L>>(
         model, linearisation, start, make_method.template operator()<N, L>());
   };
-  if (n == 4 && l == 2) return make.template operator()<4, 2>();
-  return make.template operator()<Eigen::Dynamic, Eigen::Dynamic>();
+  std::unique_ptr<VectorKernel> kernel;
+  const auto try_known = [&]<class Sizes>(Sizes) {
+    if (n == Sizes::kN && l == Sizes::kL) kernel = make.template operator()<Sizes::kN, Sizes::kL>();
+  };
+  (try_known(Known()), ...);
+  if (kernel == nullptr) kernel = make.template operator()<Eigen::Dynamic, Eigen::Dynamic>();
+  return kernel;
 }
 
 }  // namespace holdfast

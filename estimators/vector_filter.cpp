@@ -51,7 +51,8 @@ const Estimate& VectorFilter::step(std::int64_t step, const MeasurementSet& meas
   const Finding finding = correct();
   kernel_->end_step();
   innovation_.clear(estimate_);
-  if (finding.choice == PacketChoice::Result::kCorrected) {
+  if (finding.choice == PacketChoice::Result::kCorrected &&
+      finding.result.kind == VectorResult::Kind::kCorrected) {
     innovation_.make_room(static_cast<std::size_t>(finding.num_rows), estimate_);
     kernel_->publish_innovation(estimate_.innovation, estimate_.innovation_covariance);
   } else if (finding.choice == PacketChoice::Result::kFailed) {

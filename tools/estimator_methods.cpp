@@ -84,11 +84,29 @@ void tie(ConfigurationMap& map, const MethodContext& context, Options& options) 
   }
 }
 
+// Beliefs about attacks that act one inside the other, as the paper's: armed, then forced or not,
+// then biased and scaled.
+void tie(ConfigurationMap map, const MethodContext& context, AttackAssumptions::Period& period) {
+  using Action = AttackRule::Action;
+  ConfigurationMap bias = map.map("bias"), scale = map.map("scale");
+  const auto tie_one = [&context](ConfigurationMap& at, const char* key, Action action,
+                                  double& belief) {
+    belief = probability_of_rule(at, key, action, context).value_or(belief);
+  };
+  tie_one(map, "attack_probability", Action::kArm, period.attack_probability);
+  tie_one(map, "dos_probability", Action::kForce, period.dos_probability);
+  tie_one(bias, "probability", Action::kAdd, period.bias_probability);
+  tie_one(scale, "probability", Action::kScale, period.scale_probability);
+}
+
 template <class Filter, class Options>
 void read_for_system(ConfigurationMap& map, const MethodContext& context, EstimatorEntry& entry) {
   const SystemModel model = read_believed_model(map, context);
   Options options;
   if constexpr (requires { options.delivery_probability; }) tie(map, context, options);
+  if constexpr (requires { options.assumes; }) {
+    tie(map.map("assumes"), context, options.assumes.periods.front());
+  }
   options.read(map, model);
   set_maker<Filter>(context, model, std::move(options), entry);
 }

@@ -111,4 +111,21 @@ std::optional<double> tied_probability(ConfigurationMap& map, const char* key,
   return is_touched ? 1.0 - untouched : untouched;
 }
 
+std::optional<double> probability_of_rule(ConfigurationMap& map, const char* key,
+                                          AttackRule::Action action, const MethodContext& context) {
+  if (!is_same(map, key)) return std::nullopt;
+  const AttackRule* found = nullptr;
+  for (const AttackRule& rule : context.rules) {
+    if (rule.action != action) continue;
+    if (found != nullptr) {
+      map.problem(key, "cannot be the same: several rules have the action '" +
+                           std::string(to_string(action)) + "'; give a number");
+      return std::nullopt;
+    }
+    found = &rule;
+  }
+  // Where nothing acts, nothing is believed: a sweep may leave a rule out.
+  return found == nullptr ? 0.0 : found->probability;
+}
+
 }  // namespace holdfast

@@ -20,4 +20,10 @@ std::optional<double> tied_probability(ConfigurationMap& map, const char* key,
                                        AttackRule::Action action, bool is_touched,
                                        const MethodContext& context);
 
+/// Probability of the one rule of this action, for a key that says "same": where it may act, a rule
+/// under conditions included. None when the key says something else; 0 without such
+/// a rule. Reports "same" where there are several.
+std::optional<double> probability_of_rule(ConfigurationMap& map, const char* key,
+                                          AttackRule::Action action, const MethodContext& context);
+
 }  // namespace holdfast

@@ -75,9 +75,10 @@ void resolve_matrices(ConfigurationMap& map, const SystemModel& model) {
     Eigen::MatrixXd given = derived;
     read_matrix(matrices, key, given);
     // What another build derived may differ in its last digits.
-    const bool is_same = given.rows() == derived.rows() && given.cols() == derived.cols() &&
-                         (given.size() == 0 || (given - derived).cwiseAbs().maxCoeff() <=
-                                                   1e-9 * derived.cwiseAbs().maxCoeff());
+    const bool is_same =
+        (given.size() == 0 && derived.size() == 0) ||
+        (given.rows() == derived.rows() && given.cols() == derived.cols() &&
+         (given - derived).cwiseAbs().maxCoeff() <= 1e-9 * derived.cwiseAbs().maxCoeff());
     if (!is_same) matrices.problem(key, "follows from the model's other keys: leave it out");
   }
   SystemModel named = model;

@@ -28,12 +28,12 @@ class OracleMethod {
   }
 
   VectorResult correct(const Belief<N>& prior, const Observation<N, L>& observation,
-                       const Small<L, L>& R, const Small<L>& y, Belief<N>& posterior) {
+                       const ReadingBelief<L>& reading, const Small<L, L>& /*R*/, const Small<L>& y,
+                       Belief<N>& posterior) {
     if (*truth_ == AttackHypothesis::kForcedToZero) return {VectorResult::Kind::kSkipped};
-    believe(observation, R, reading_);
-    const UpdateResult one = update_.weigh(observation, reading_, y);
+    const UpdateResult one = update_.weigh(observation, reading, y);
     if (!one.is_definite) return {};
-    update_.apply(prior, observation, reading_, posterior);
+    update_.apply(prior, observation, reading, posterior);
     return {VectorResult::Kind::kCorrected, one.squared_distance, one.log_density};
   }
 
@@ -42,7 +42,6 @@ class OracleMethod {
  private:
   std::shared_ptr<const AttackHypothesis> truth_;
   PeriodSchedule<SizedAttackStatistics<L>> attacks_;
-  ReadingBelief<L> reading_;
   GaussianUpdate<N, L> update_;
 };
 
@@ -60,7 +59,7 @@ AttackOracle::AttackOracle(const SystemModel& model, const AttackOracleOptions& 
 
 AttackOracle::AttackOracle(const SystemModel& model, const AttackOracleOptions& options,
                            std::vector<std::vector<int>> rows, SharedTruth truth)
-    : VectorFilter(make_vector_kernel<OracleMethod>(
+    : VectorFilter(make_vector_kernel<OracleMethod, KnownSizes<4, 2>>(
                        model, options.linearisation, options.start.gaussian(model.num_states()),
                        [&]<int N, int L>() {
                          return OracleMethod<N, L>(options, model.num_measurements(), truth);

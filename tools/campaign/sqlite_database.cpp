@@ -114,8 +114,11 @@ SqliteDatabase::SqliteDatabase(const std::string& file, Mode mode) : file_(file)
     execute("PRAGMA schema_version");
     return;
   }
-  // A rollback journal works on network file systems too, where a write-ahead log does not.
+  // Every series of a campaign grows at an end of its own: in the usual 2 MB of cache and 4 kB of
+  // page, most inserts would read and write files. A rollback journal works on network file systems
+  // too, where a write-ahead log does not.
   execute(
+      "PRAGMA page_size=16384; PRAGMA cache_size=-65536;"
       "PRAGMA locking_mode=EXCLUSIVE; PRAGMA journal_mode=DELETE; PRAGMA synchronous=NORMAL;"
       "BEGIN EXCLUSIVE; COMMIT");
 }

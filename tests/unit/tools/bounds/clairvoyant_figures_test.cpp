@@ -88,7 +88,7 @@ std::map<std::string, Figure> figures(const Case& scene, const std::vector<Block
           scene.model.C * x + scene.model.H * a + sample(centred(scene.model.R), stream, draw, 0);
       const bool arrives = stream.uniform(draw, 1000) < scene.delivery_probability;
       delivered[static_cast<std::size_t>(k)] = arrives;
-      filter.tell(is_attacked);
+      filter.tell({is_attacked, {}});
       const Estimate& estimate =
           filter.step(k, arrives ? set_of(k, y, rows) : empty_set(k), kNoInput);
       truth << x, a;

@@ -42,7 +42,7 @@ TEST_CASE("the clairvoyant filter is the conditional Gaussian for the attack tim
         add_packet(set, source, part_of(path.y[static_cast<std::size_t>(k - 1)], rows));
         batch.observe(k, rows, path.y[static_cast<std::size_t>(k - 1)]);
       }
-      filter.tell(attacked[static_cast<std::size_t>(k - 1)]);
+      filter.tell({attacked[static_cast<std::size_t>(k - 1)], {}});
       const Estimate& estimate = filter.step(k, set, kNoInput);
       CHECK(difference(estimate, batch.posterior(k)) < 1e-12);
       CHECK(estimate.input_step == (is_direct ? k : k - 1));
@@ -68,7 +68,7 @@ TEST_CASE("told of no attack it is the Kalman filter, told of one for ever the j
     const Path path(model, kStart, kPrior, std::vector<bool>(7, true), 2);
     ClairvoyantFilter calm(model, options_of(), kOneSource);
     ClairvoyantFilter alarmed(model, options_of(), kOneSource);
-    alarmed.tell(true);
+    alarmed.tell({true, {}});
     KalmanFilterOptions kalman_options;
     kalman_options.start = options_of().start;
     KalmanFilter kalman(model, kalman_options, kOneSource);
