@@ -20,6 +20,20 @@ AttackStatistics AttackAssumptions::Period::statistics(int num_measurements) con
           of_bias.mean,       of_bias.covariance, scale_mean,       scale_std};
 }
 
+void AttackAssumptions::Period::set(const AttackStatistics& statistics) {
+  attack_probability = statistics.attack_probability;
+  dos_probability = statistics.dos_probability;
+  bias_probability = statistics.bias_probability;
+  scale_probability = statistics.scale_probability;
+  scale_mean = statistics.scale_mean;
+  scale_std = statistics.scale_std;
+  bias.mean.assign(statistics.bias_mean.begin(), statistics.bias_mean.end());
+  bias.covariance.clear();
+  for (const auto& row : statistics.bias_covariance.rowwise()) {
+    bias.covariance.emplace_back(row.begin(), row.end());
+  }
+}
+
 void AttackAssumptions::read(ConfigurationMap map, int num_measurements) {
   periods.resize(1);
   periods.front().first_step = 1;

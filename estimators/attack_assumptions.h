@@ -23,6 +23,7 @@ struct AttackAssumptions {
     void read(ConfigurationMap& map, int num_measurements);
     /// Throws UsageError when the bias does not have num_measurements components.
     AttackStatistics statistics(int num_measurements) const;
+    void set(const AttackStatistics& statistics);
   };
 
   std::vector<Period> periods = {Period()};  // by first_step; the first one holds from step 1

@@ -22,7 +22,14 @@ class AttackHypotheses {
   /// zero_std: standard deviation of what a forced sensor shows, 0: exactly zero, which proves DoS.
   AttackHypotheses(const AttackStatistics& statistics, double zero_std)
       : attack_(statistics), zero_std_(zero_std) {
+    believe(statistics);
     forget();
+  }
+
+  const SizedAttackStatistics<L>& attack() const { return attack_; }
+  /// Takes other beliefs; what the latest update found stands.
+  void believe(const AttackStatistics& statistics) {
+    attack_ = SizedAttackStatistics<L>(statistics);
     for (std::size_t i = 0; i < kNumAttackHypotheses; ++i) {
       log_prior_[i] = std::log(attack_.prior[i]);
     }

@@ -12,8 +12,12 @@ namespace {
 template <int N, int L>
 class AttackMixtureMethod {
  public:
-  AttackMixtureMethod(const AttackMixtureOptions& options, int num_measurements)
-      : num_passes_(options.smoother_passes) {
+  /// learning: sums up each reading; null: nobody wants it.
+  AttackMixtureMethod(const AttackMixtureOptions& options, int num_measurements,
+                      std::shared_ptr<AttackLearning> learning)
+      : num_passes_(options.smoother_passes),
+        learn_over_steps_(options.learn_over_steps),
+        learning_(std::move(learning)) {
     for (const AttackAssumptions::Period& period : options.assumes.periods) {
       const AttackStatistics statistics = period.statistics(num_measurements);
       of_state_.add(period.first_step, AttackHypotheses<N, L>(statistics, options.zero_std));
@@ -37,6 +41,8 @@ class AttackMixtureMethod {
                        Belief<N>& posterior) {
     const auto found = of_state_.now().update(prior, observation, R, y, posterior);
     if (!found.is_usable) return {};
+    sum_up(of_state_.now(), observation, R, y);
+    if (learn_over_steps_ > 0.0) learn();
     const bool teaches = of_state_.now().likeliest_reading() != nullptr;
     return {teaches ? VectorResult::Kind::kCorrected : VectorResult::Kind::kSkipped, 0.0,
             found.log_density};
@@ -68,19 +74,65 @@ class AttackMixtureMethod {
 
   int num_passes() const { return num_passes_; }
 
+  // The sums of an earlier pass knew less.
+  void begin_pass() {
+    if (learning_ != nullptr && learn_over_steps_ == 0.0) learning_->fit.clear();
+  }
+
   bool tilt(std::int64_t step, const Belief<L>& cavity, const Observation<L, L>& of_s,
             const Small<L, L>& R, const Small<L>& y, Belief<L>& tilted) {
     of_reading_.begin_step(step);
     AttackHypotheses<L, L>& hypotheses = of_reading_.now();
-    return hypotheses.update(cavity, of_s, R, y, tilted).is_usable &&
-           !hypotheses.is_certainly_forced();
+    if (!hypotheses.update(cavity, of_s, R, y, tilted).is_usable) return false;
+    if (learn_over_steps_ == 0.0) sum_up(hypotheses, of_s, R, y);
+    return !hypotheses.is_certainly_forced();
   }
 
  private:
+  template <int M>
+  void sum_up(const AttackHypotheses<M, L>& hypotheses, const Observation<M, L>& observation,
+              const Small<L, L>& R, const Small<L>& y) {
+    if (learning_ == nullptr || !learning_->sums_up) return;
+    learning_->fit.add(observation, R, hypotheses.attack(), learning_->statistics,
+                       hypotheses.probabilities(), y);
+  }
+
+  // Recursive expectation-maximisation: old readings fade, the first guess counts as some.
+  void learn() {
+    learning_->statistics = learning_->fit.maximise(learning_->statistics);
+    learning_->fit.forget(1.0 - 1.0 / learn_over_steps_);
+    of_state_.now().believe(learning_->statistics);
+    of_reading_.now().believe(learning_->statistics);
+  }
+
   int num_passes_;
+  double learn_over_steps_;
+  std::shared_ptr<AttackLearning> learning_;
   PeriodSchedule<AttackHypotheses<N, L>> of_state_;
   PeriodSchedule<AttackHypotheses<L, L>> of_reading_;
 };
+
+constexpr double kLearnOverMin = 10.0;
+
+std::shared_ptr<AttackLearning> make_learning(const AttackMixtureOptions& options,
+                                              int num_measurements) {
+  const AttackStatistics guess = options.assumes.periods.front().statistics(num_measurements);
+  auto learning = std::make_shared<AttackLearning>(
+      AttackLearning{guess, AttackFit(num_measurements), options.learn_over_steps > 0.0});
+  // Learning begins with the first guess as a tenth of what it will remember.
+  learning->fit.add_guess(guess, options.learn_over_steps / kLearnOverMin);
+  return learning;
+}
+
+std::unique_ptr<VectorKernel> make_mixture_kernel(const SystemModel& model,
+                                                  const AttackMixtureOptions& options,
+                                                  const std::shared_ptr<AttackLearning>& learning) {
+  return make_vector_kernel<AttackMixtureMethod, KnownSizes<4, 2>>(
+      model, options.linearisation, options.start.gaussian(model.num_states()),
+      [&]<int N, int L>() {
+        return AttackMixtureMethod<N, L>(options, model.num_measurements(), learning);
+      });
+}
 
 }  // namespace
 
@@ -89,17 +141,39 @@ void AttackMixtureOptions::read(ConfigurationMap& map, const SystemModel& model)
   assumes.read(map.map("assumes"), model.num_measurements());
   map.read("zero_std", zero_std, kNonNegative);
   map.read("smoother_passes", smoother_passes, {1.0, 100.0});
+  map.read("learn_over_steps", learn_over_steps, kNonNegative);
+  if (learn_over_steps > 0.0 && learn_over_steps < kLearnOverMin) {
+    map.problem("learn_over_steps", "must be 0 or at least 10");
+  }
+  if (learn_over_steps > 0.0 && assumes.periods.size() > 1) {
+    map.problem("learn_over_steps", "cannot go with assumes.changes: it learns what changes");
+  }
 }
 
 AttackMixture::AttackMixture(const SystemModel& model, const AttackMixtureOptions& options,
                              std::vector<std::vector<int>> rows)
-    : VectorFilter(make_kernel(model, options), model, options, std::move(rows)) {}
+    : AttackMixture(model, options, std::move(rows),
+                    make_learning(options, model.num_measurements())) {}
+
+AttackMixture::AttackMixture(const SystemModel& model, const AttackMixtureOptions& options,
+                             std::vector<std::vector<int>> rows,
+                             std::shared_ptr<AttackLearning> learning)
+    : VectorFilter(make_mixture_kernel(model, options, learning), model, options, rows),
+      model_(model),
+      options_(options),
+      rows_(std::move(rows)),
+      learning_(std::move(learning)) {}
+
+std::unique_ptr<AttackMixture> AttackMixture::renewed(const AttackStatistics& statistics) const {
+  AttackMixtureOptions options = options_;
+  options.assumes.periods.resize(1);
+  options.assumes.periods.front().set(statistics);
+  return std::make_unique<AttackMixture>(model_, options, rows_);
+}
 
 std::unique_ptr<VectorKernel> make_kernel(const SystemModel& model,
                                           const AttackMixtureOptions& options) {
-  return make_vector_kernel<AttackMixtureMethod, KnownSizes<4, 2>>(
-      model, options.linearisation, options.start.gaussian(model.num_states()),
-      [&]<int N, int L>() { return AttackMixtureMethod<N, L>(options, model.num_measurements()); });
+  return make_mixture_kernel(model, options, nullptr);
 }
 
 }  // namespace holdfast

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "estimators/attack_assumptions.h"
+#include "estimators/attack_fit.h"
 #include "estimators/vector_filter.h"
 
 namespace holdfast {
@@ -13,8 +14,17 @@ struct AttackMixtureOptions : VectorFilterOptions {
   AttackAssumptions assumes;
   double zero_std = 0.0;    // of what a sensor forced to zero shows; 0: exact zeros, which prove it
   int smoother_passes = 3;  // of expectation propagation; 1: Rauch-Tung-Striebel only
+  // Steps over which it learns what it assumes, from that as a first guess; 0: not at all.
+  double learn_over_steps = 0.0;
 
   void read(ConfigurationMap& map, const SystemModel& model);
+};
+
+/// What an AttackMixture believes of attacks, and what it has seen of them.
+struct AttackLearning {
+  AttackStatistics statistics;
+  AttackFit fit;
+  bool sums_up = false;  // costs a step's time, so only where somebody asks
 };
 
 /// A filter that asks of each reading what was done to it: nothing, bias, scale, both, or forced to
@@ -29,6 +39,27 @@ class AttackMixture : public VectorFilter {
   /// and rows do not fit.
   AttackMixture(const SystemModel& model, const AttackMixtureOptions& options,
                 std::vector<std::vector<int>> rows);
+
+  /// What it believes now; moves when it learns.
+  const AttackStatistics& statistics() const { return learning_->statistics; }
+  /// Sums up readings from now on, for fit().
+  void prepare_fit() { learning_->sums_up = true; }
+  /// One step of expectation-maximisation from these beliefs: what the readings since prepare_fit()
+  /// say of the attacks. After smooth() of a linear model with several passes by all readings that
+  /// it remembers, else each reading in the light of the earlier ones. Precondition: does not
+  /// learn.
+  AttackStatistics fit() const { return learning_->fit.maximise(learning_->statistics); }
+  /// The same filter before its first step, with other beliefs.
+  std::unique_ptr<AttackMixture> renewed(const AttackStatistics& statistics) const;
+
+ private:
+  AttackMixture(const SystemModel& model, const AttackMixtureOptions& options,
+                std::vector<std::vector<int>> rows, std::shared_ptr<AttackLearning> learning);
+
+  SystemModel model_;
+  AttackMixtureOptions options_;
+  std::vector<std::vector<int>> rows_;
+  std::shared_ptr<AttackLearning> learning_;  // the kernel sums up
 };
 
 /// The arithmetic of that filter alone. Throws UsageError when model and options do not fit.

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "common/errors.h"
+#include "common/random_stream.h"
 
 namespace holdfast {
 namespace {
@@ -107,11 +108,28 @@ void VectorFilterOptions::read(ConfigurationMap& map, const SystemModel& model) 
   ConfigurationMap start_map = map.map("start");
   start.read(start_map, model.num_states());
   start_map.read("step", start_step, {0.0, 1.0});
+  start_map.read("drawn", start_is_drawn);
   vector.read(map);
   map.read_choice("linearisation", linearisation,
                   {{"extended", Linearisation::kExtended},
                    {"unscented", Linearisation::kUnscented},
                    {"cubature", Linearisation::kCubature}});
+}
+
+GaussianOptions VectorFilterOptions::start_of_run(int num_states, std::uint64_t seed,
+                                                  std::uint32_t run) const {
+  if (!start_is_drawn) return start;
+  const RandomStream stream(seed, run, "estimator/start");
+  const Gaussian around = start.gaussian(num_states);
+  Eigen::VectorXd drawn(num_states);
+  for (int i = 0; i < num_states; ++i) drawn[i] = stream.normal(0, static_cast<std::uint64_t>(i));
+  // A covariance may be singular, which rules Cholesky out.
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(around.covariance);
+  drawn = around.mean +
+          eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().cwiseProduct(drawn);
+  GaussianOptions result = start;
+  result.mean.assign(drawn.begin(), drawn.end());
+  return result;
 }
 
 void KalmanFilterOptions::read(ConfigurationMap& map, const SystemModel& model) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string_view>
 #include <vector>
 
@@ -42,10 +43,14 @@ struct VectorOptions {
 struct VectorFilterOptions {
   GaussianOptions start;  // x at start_step, before that step's readings
   int start_step = 1;     // 0: x_0, so that the first step is predicted too; key `start.step`
+  // Every run begins at a mean of its own, drawn from `start`; key `start.drawn`.
+  bool start_is_drawn = false;
   VectorOptions vector;
   Linearisation linearisation = Linearisation::kExtended;
 
   void read(ConfigurationMap& map, const SystemModel& model);
+  /// Where a run begins; estimators of one run that have equal starts begin alike.
+  GaussianOptions start_of_run(int num_states, std::uint64_t seed, std::uint32_t run) const;
 };
 
 /// Keys of `method: kalman_filter`.

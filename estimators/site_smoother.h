@@ -19,13 +19,15 @@ class SiteSmoother {
   /// tilt(i, cavity, tilted): moments of s under the cavity times the likelihood of the i-th
   /// reading; false where it teaches nothing. step_at(i): predicted belief of the first step, to
   /// begin from.
-  template <class StepAt, class Tilt>
+  /// begin_pass() is called before each pass.
+  template <class StepAt, class BeginPass, class Tilt>
   void smooth(SizedModel<N, L>& model, std::size_t count, int num_passes, const StepAt& step_at,
-              const Tilt& tilt, std::vector<Belief<N>>& smoothed) {
+              const BeginPass& begin_pass, const Tilt& tilt, std::vector<Belief<N>>& smoothed) {
     sites_.resize(count);
     for (Site& site : sites_) site.is_set = false;
     track_.resize(count);
     for (int pass = 0; pass < num_passes; ++pass) {
+      begin_pass();
       for (std::size_t k = 0; k < count; ++k) {
         SmoothingStep<N>& step = track_[k];
         if (k == 0) {

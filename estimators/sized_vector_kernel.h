@@ -21,7 +21,7 @@ namespace holdfast {
 ///   void publish(estimate)
 ///   const ReadingBelief* explained()                     optional: the reading as it was explained
 ///   int num_passes()                                     of the smoother; 1: Rauch-Tung-Striebel
-///   bool tilt(step, observation of s, R, y, tilted s)    where num_passes() may be more
+///   begin_pass(), bool tilt(step, observation of s, R, y, tilted s)    where passes may be more
 ///
 /// With a step of several passes the motion must be linear.
 template <template <int, int> class Method, int N, int L>
@@ -167,7 +167,8 @@ class SizedVectorKernel : public VectorKernel {
       }
       return method_.tilt(it.step, cavity, of_s, model_.R(), it.y, tilted);
     };
-    sites_.smooth(model_, kept_.size(), method_.num_passes(), step_at, tilt, smoothed_);
+    const auto begin_pass = [this] { method_.begin_pass(); };
+    sites_.smooth(model_, kept_.size(), method_.num_passes(), step_at, begin_pass, tilt, smoothed_);
   }
 
   SizedModel<N, L> model_;

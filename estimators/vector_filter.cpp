@@ -35,6 +35,7 @@ VectorFilter::Finding VectorFilter::correct() {
     finding.refused_score = choice_.refused_score();
   } else {
     finding.result = kernel_->correct(choice_.rows(), choice_.values());
+    log_likelihood_ += finding.result.log_density;
     finding.choice = finding.result.kind == VectorResult::Kind::kFailed
                          ? PacketChoice::Result::kFailed
                          : PacketChoice::Result::kCorrected;

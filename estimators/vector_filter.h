@@ -21,6 +21,8 @@ class VectorFilter : public SmoothingEstimator {
   void remember(std::size_t num_steps) override;
   const std::vector<Estimate>& smooth() override;
 
+  /// Sum of the log densities of all vectors that were taken.
+  double log_likelihood() const { return log_likelihood_; }
   /// Packets refused since construction.
   std::int64_t refused_packets() const { return inbox_.refused_packets(); }
 
@@ -55,6 +57,7 @@ class VectorFilter : public SmoothingEstimator {
   InnovationRecord innovation_;
   bool has_to_move_;
   Estimate estimate_;
+  double log_likelihood_ = 0.0;
 
   std::size_t num_kept_max_ = 0;
   std::vector<StepLabel> labels_;  // of the steps remembered

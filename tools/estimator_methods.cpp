@@ -61,8 +61,12 @@ void set_maker(const MethodContext& context, SystemModel model, Options options,
                EstimatorEntry& entry) {
   entry.kernel = linear_algebra_kernel();
   entry.make = [model = std::move(model), options = std::move(options),
-                rows = context.plant.system()->rows](std::uint64_t, std::uint32_t) {
-    return std::make_unique<Filter>(model, options, rows);
+                rows = context.plant.system()->rows](std::uint64_t seed, std::uint32_t run) {
+    Options of_run = options;
+    if constexpr (requires { of_run.start_is_drawn; }) {
+      of_run.start = options.start_of_run(model.num_states(), seed, run);
+    }
+    return std::make_unique<Filter>(model, of_run, rows);
   };
 }
 

@@ -11,6 +11,7 @@
 #include "common/measurement_messages.h"
 #include "common/run_meta.h"
 #include "common/status.h"
+#include "estimators/attack_mixture.h"
 #include "estimators/estimate_messages.h"
 #include "estimators/estimator_session.h"
 #include "estimators/smoothed_stream.h"
@@ -49,6 +50,10 @@ std::vector<Smoothed> make_smoothed(const LogSmootherOptions& options, const Exp
           ": it cannot be run on a log");
     }
     std::unique_ptr<Estimator> estimator = experiment.make_estimator(entry, run);
+    if (options.statistics) {
+      const auto* mixture = dynamic_cast<const AttackMixture*>(estimator.get());
+      if (mixture != nullptr) estimator = mixture->renewed(*options.statistics);
+    }
     auto* smoothing = dynamic_cast<SmoothingEstimator*>(estimator.get());
     if (smoothing == nullptr) {
       throw UsageError("estimator '" + entry.name + "' (" + entry.method + ") cannot look back");

@@ -5,6 +5,8 @@
 #include <optional>
 #include <string>
 
+#include "estimators/attack_statistics.h"
+
 namespace holdfast {
 
 /// What holdfast-smoother is asked for.
@@ -12,6 +14,7 @@ struct LogSmootherOptions {
   std::string log_file, out_file;
   std::string name;                       // of the estimator; "": each one with a key `smoother`
   std::optional<std::int64_t> lag_steps;  // instead of the scenario's; 0: by the whole run
+  std::optional<AttackStatistics> statistics;  // instead of what an attack_mixture assumes
   std::function<void(std::int64_t step, std::int64_t num_steps)> on_progress;  // may be empty
 };
 

@@ -37,7 +37,7 @@ class RunLog {
   }
 
   void write(const Simulation& simulation) {
-    const std::int64_t utime = simulation.measurements().utime;
+    const std::int64_t utime = utime_ = simulation.measurements().utime;
     to_message(simulation.truth(), utime, truth_);
     writer_.write_message("PLANT_TRUTH", utime, truth_);
     for (const AttackSignal& signal : simulation.truth().attack_signals) {
@@ -71,7 +71,8 @@ class RunLog {
   SmoothedStream::OnEstimate writing(const Smoothed& one) {
     return [this, &one](const Estimate& estimate) {
       to_message(estimate, estimate_);
-      writer_.write_message(one.channel, estimate.utime, estimate_);
+      // The log's time is when something was said; the estimate's own is when it holds.
+      writer_.write_message(one.channel, utime_, estimate_);
     };
   }
 
@@ -95,7 +96,7 @@ class RunLog {
   can_frames_t frames_;
   measurement_set_t measurement_;
   estimate_t estimate_;
-  std::int64_t num_frames_ = 0;
+  std::int64_t num_frames_ = 0, utime_ = 0;
   std::vector<Smoothed> smoothed_;
 };
 

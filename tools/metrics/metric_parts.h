@@ -34,4 +34,10 @@ std::vector<double> run_means(const RunMatrix& matrix);
 /// sqrt(run_means).
 std::vector<double> run_root_means(const RunMatrix& matrix);
 
+/// Mean and median over the steps of the RMSE over runs at each step, from squared errors.
+struct StepRmse {
+  Statistic mean, median;
+};
+StepRmse rmse_of_steps(const RunMatrix& squares, const RunBootstrap& bootstrap);
+
 }  // namespace holdfast

@@ -43,19 +43,9 @@ Resampled resample(StepMeans& squares, std::size_t num_steps, const RunBootstrap
 
 void add_over_runs(const MetricsInput& input, const StateGroup& group, const RunMatrix& squares,
                    EstimatorMetrics& result) {
-  StepMeans means(squares);
-  const StepSummary summary = summary_of(means.mean());
-  Statistic mean, median;
-  mean.value = summary.mean;
-  median.value = summary.median;
-  mean.count = median.count = static_cast<std::int64_t>(means.num_runs_with_values());
-  if (mean.count >= 2) {
-    const Resampled resampled = resample(means, squares.num_steps(), input.bootstrap);
-    mean.standard_error = bootstrap_error(resampled.mean);
-    median.standard_error = bootstrap_error(resampled.median);
-  }
-  add_metric(result, "rmse_step_mean", group.name, group.unit, mean);
-  add_metric(result, "rmse_step_median", group.name, group.unit, median);
+  const StepRmse rmse = rmse_of_steps(squares, input.bootstrap);
+  add_metric(result, "rmse_step_mean", group.name, group.unit, rmse.mean);
+  add_metric(result, "rmse_step_median", group.name, group.unit, rmse.median);
   MetricCurve curve = mean_curve("rmse_over_runs", squares);
   curve.group = group.name;
   curve.unit = group.unit;
@@ -106,6 +96,21 @@ void add_group(const MetricsInput& input, const StateGroup& group, const RunMatr
 }
 
 }  // namespace
+
+StepRmse rmse_of_steps(const RunMatrix& squares, const RunBootstrap& bootstrap) {
+  StepMeans means(squares);
+  const StepSummary summary = summary_of(means.mean());
+  StepRmse rmse;
+  rmse.mean.value = summary.mean;
+  rmse.median.value = summary.median;
+  rmse.mean.count = rmse.median.count = static_cast<std::int64_t>(means.num_runs_with_values());
+  if (rmse.mean.count >= 2) {
+    const Resampled resampled = resample(means, squares.num_steps(), bootstrap);
+    rmse.mean.standard_error = bootstrap_error(resampled.mean);
+    rmse.median.standard_error = bootstrap_error(resampled.median);
+  }
+  return rmse;
+}
 
 void add_rmse(const MetricsInput& input, EstimatorMetrics& result) {
   for (const StateGroup& group : input.options.groups) {

@@ -57,8 +57,11 @@ void add_window(const MetricsInput& input, const MetricsWindow& window, Estimato
   for (const StateGroup& group : input.options.groups) {
     const RunMatrix* squares = input.find("squared_error." + group.name);
     if (squares == nullptr) continue;
+    const RunMatrix left = masked(*squares, window, authentic);
     add_metric(result, "rmse_over_time", group.name + place, group.unit,
-               mean_of(run_root_means(masked(*squares, window, authentic))));
+               mean_of(run_root_means(left)));
+    add_metric(result, "rmse_step_mean", group.name + place, group.unit,
+               rmse_of_steps(left, input.bootstrap).mean);
   }
   for (const auto& [name, squares] : input.runs.curves) {
     if (!name.starts_with(kSignalErrors)) continue;

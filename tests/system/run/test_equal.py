@@ -98,6 +98,31 @@ class EqualTest(RunTest):
         self.check(network_scenario("ieee14"), ("hybrid",), (
             *EARLY_ATTACK, *sets(attacks__injection__value=replay), *ONLY_HYBRID))
 
+    def test_smoothers_live_by_a_fixed_lag_and_over_the_whole_log(self):
+        scenario = network_scenario("turning_target")
+        small = sets(steps=40, period_s=0.005, estimators__mixture__smoother__lag_steps=5)
+        if IS_SLOW:
+            small += ["--set", "estimators=[{name: mixture, method: attack_mixture, assumes: {attack_probability: same}, "
+                      "start: {mean: [200, 200, 15, 15], std: 10}, smoother: {lag_steps: 5}}]"]
+        run = self.start(*small, scenario=scenario)
+        self.assert_succeeds(run.finish())
+        self.assert_succeeds(call("campaign", scenario, *small, "--log", self.path("campaign.lcm")))
+        self.assert_equal_logs(run.log, self.path("campaign.lcm"))
+        live = harness.read_log(run.log)
+        self.assertEqual(sum(channel == "SMOOTHED_MIXTURE" for channel, _ in live), 40)
+        self.assert_succeeds(call("smoother", run.log, "--out", self.path("smoothed.lcm")))
+        for log in ("smoothed.lcm", "replay.lcm"):
+            if log == "replay.lcm":
+                self.assert_succeeds(call("estimator", "--log", run.log, "--out", self.path(log)))
+            channels = "SMOOTHED_.*" if log == "smoothed.lcm" else "SMOOTHED_MIXTURE"
+            self.assert_succeeds(call("review", "--compare", self.path(log), self.path("campaign.lcm"),
+                                      "--channels", channels))
+        # Negative control: a smoother that may look less far ahead says something else.
+        self.assert_succeeds(call("smoother", run.log, "--name", "mixture", "--lag", "1",
+                                  "--out", self.path("short.lcm")))
+        self.assertEqual(call("review", "--compare", self.path("short.lcm"), self.path("campaign.lcm"),
+                              "--channels", "SMOOTHED_MIXTURE")[0], 1)
+
     def test_without_a_bus_the_plant_publishes_what_an_unattacked_bus_would(self):
         calm = sets(steps=40, period_s=0.005, attacks="[]")
         run = self.start(*calm)

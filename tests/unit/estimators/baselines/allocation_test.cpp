@@ -1,4 +1,5 @@
 #include "common/models/ieee14/ieee14_model.h"
+#include "common/models/turning_target/turning_target_model.h"
 #include "tests/support/allocation_count.h"
 #include "tests/unit/estimators/baselines/every_baseline.h"
 
@@ -22,6 +23,32 @@ TEST_CASE("a baseline's step allocates nothing once it has seen the largest set"
       const std::int64_t after = allocation_count();
       CHECK(after == before);
     }
+  }
+}
+
+TEST_CASE("a fixed lag allocates nothing once its window is full") {
+  const SystemModel model = small_model(true);
+  for (const bool is_aircraft : {true, false}) {
+    const SystemModel believed =
+        is_aircraft ? make_turning_target_model(TurningTargetOptions()) : model;
+    const Rows rows = {is_aircraft ? std::vector<int>{0, 1} : std::vector<int>{0, 1, 2, 3}};
+    AttackMixtureOptions options;
+    options.smoother_passes = 3;
+    AttackMixture filter(believed, options, rows);
+    filter.remember(5);
+    MeasurementSet set = empty_set(1);
+    add_packet(set, 0, std::vector<double>(rows[0].size(), 0.3));
+    for (std::int64_t k = 1; k < 8; ++k) {
+      filter.step(k, set, kNoInput);
+      filter.smooth();
+    }
+    const std::int64_t before = allocation_count();
+    for (std::int64_t k = 8; k < 20; ++k) {
+      filter.step(k, set, kNoInput);
+      filter.smooth();
+    }
+    const std::int64_t after = allocation_count();
+    CHECK(after == before);
   }
 }
 

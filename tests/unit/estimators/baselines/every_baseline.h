@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "estimators/attack_mixture.h"
+#include "estimators/gslr.h"
 #include "estimators/interacting_multiple_model.h"
 #include "estimators/joint_input_state.h"
 #include "estimators/kalman_filter.h"
@@ -36,6 +38,12 @@ inline std::vector<Subject> every_baseline(const SystemModel& model, const Rows&
     KalmanFilterOptions kalman;
     kalman.vector = {rule, 0.9999};
     all.push_back(subject<KalmanFilter>("kalman_filter", model, kalman, rows));
+    GslrOptions gslr;
+    gslr.vector = {rule, 0.9999};
+    all.push_back(subject<Gslr>("gslr", model, gslr, rows));
+    AttackMixtureOptions mixture;
+    mixture.vector = {rule, 0.9999};
+    all.push_back(subject<AttackMixture>("attack_mixture", model, mixture, rows));
     JointInputStateOptions joint;
     joint.vector = {rule, 1.0};
     all.push_back(subject<JointInputState>("joint_input_state", model, joint, rows));

@@ -1,0 +1,168 @@
+#include "tools/log_smoother.h"
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <holdfast/estimate_t.hpp>
+#include <holdfast/measurement_set_t.hpp>
+#include <set>
+#include <vector>
+
+#include "common/lcm_guard.h"
+#include "common/log_file.h"
+#include "estimators/attack_assumptions.h"
+#include "tests/support/catch.h"
+#include "tests/support/temporary_folder.h"
+#include "tools/log_fit.h"
+#include "tools/run_log.h"
+
+namespace holdfast {
+namespace {
+
+std::string scenario(const std::string& name) {
+  return std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/" + name + ".yaml";
+}
+
+struct Logs {
+  testing::TemporaryFolder folder;
+  std::string run = folder.file("run.lcm"), smoothed = folder.file("smoothed.lcm");
+
+  explicit Logs(const std::string& name = "turning_target",
+                const std::vector<std::string>& overrides = {"steps=30"}) {
+    write_run_log(load_experiment(scenario(name), overrides), 0, run);
+  }
+  LogSmootherOptions options() const {
+    LogSmootherOptions options;
+    options.log_file = run;
+    options.out_file = smoothed;
+    return options;
+  }
+};
+
+std::vector<LogEvent> events_of(const std::string& file) {
+  LogReader reader(file);
+  std::vector<LogEvent> events;
+  LogEvent event;
+  while (reader.next(event)) events.push_back(event);
+  return events;
+}
+
+std::string problem_of(const LogSmootherOptions& options) {
+  try {
+    smooth_log(options);
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST_CASE("a smoothed log holds all that was there, and each estimate behind its measurements") {
+  const Logs logs;
+  CHECK(smooth_log(logs.options()) == 6 * 30);
+  std::vector<LogEvent> others, before;
+  for (LogEvent& event : events_of(logs.run)) {
+    const std::set<std::string> unwanted = {"SMOOTHED_UNATTACKED", "SMOOTHED_ORACLE"};
+    if (!event.channel.starts_with("SMOOTHED_") || unwanted.contains(event.channel)) {
+      before.push_back(std::move(event));
+    }
+  }
+  std::int64_t step = 0;
+  int num_smoothed = 0;
+  for (LogEvent& event : events_of(logs.smoothed)) {
+    measurement_set_t set;
+    estimate_t estimate;
+    if (event.channel == "MEASUREMENT" && decode_guarded(event.data, set)) step = set.step;
+    if (event.channel == "SMOOTHED_MIXTURE") {
+      REQUIRE(decode_guarded(event.data, estimate));
+      CHECK(estimate.step == step);
+      CHECK(estimate.seq == num_smoothed++);
+    }
+    const std::set<std::string> kept = {"SMOOTHED_UNATTACKED", "SMOOTHED_ORACLE"};
+    if (!event.channel.starts_with("SMOOTHED_") || kept.contains(event.channel)) {
+      others.push_back(std::move(event));
+    }
+  }
+  CHECK(num_smoothed == 30);
+  REQUIRE(others.size() == before.size());
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    CHECK(others[i].channel == before[i].channel);
+    CHECK(others[i].data == before[i].data);
+  }
+  // Smoothing again replaces; it does not add.
+  LogSmootherOptions again = logs.options();
+  again.log_file = logs.smoothed;
+  again.out_file = logs.folder.file("again.lcm");
+  CHECK(smooth_log(again) == 6 * 30);
+  CHECK(events_of(again.out_file).size() == events_of(logs.smoothed).size());
+}
+
+TEST_CASE("what cannot be smoothed is refused, and leaves no file") {
+  const Logs logs;
+  LogSmootherOptions options = logs.options();
+  options.name = "nobody";
+  CHECK(problem_of(options).find("nobody") != std::string::npos);
+  options.name = "oracle";
+  CHECK(problem_of(options).find("only a simulation knows") != std::string::npos);
+  options = logs.options();
+  options.out_file = logs.run;
+  CHECK(problem_of(options).find("name another file") != std::string::npos);
+  const Logs network("ieee14", {"steps=5"});
+  CHECK(problem_of(network.options()).find("key `smoother`") != std::string::npos);
+  options = network.options();
+  options.name = "hybrid";
+  CHECK(problem_of(options).find("cannot look back") != std::string::npos);
+  options.name = "nearest";  // a Kalman filter, which can, whatever its scenario says
+  CHECK(smooth_log(options) == 5);
+  CHECK(!std::filesystem::exists(logs.smoothed));
+  CHECK(!std::filesystem::exists(logs.smoothed + ".part"));
+}
+
+TEST_CASE("a torn and a damaged log are smoothed as far as they go") {
+  const Logs logs;
+  std::filesystem::resize_file(logs.run, std::filesystem::file_size(logs.run) / 3);
+  {
+    std::fstream file(logs.run, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(logs.run) / 2));
+    file.write("damage, damage, damage, damage", 30);
+  }
+  const std::int64_t count = smooth_log(logs.options());
+  CHECK(count > 6 * 10);
+  CHECK(count < 6 * 30);
+  CHECK(count % 6 == 0);
+}
+
+TEST_CASE("a fit of a log climbs and says what it found as a scenario would") {
+  const Logs logs("turning_target",
+                  {"steps=800", "estimators.mixture.assumes.attack_probability=0.7",
+                   "estimators.mixture.assumes.dos_probability=0.6"});
+  LogFitOptions options;
+  options.log_file = logs.run;
+  options.name = "mixture";
+  options.rounds_max = 6;
+  std::vector<LogFitRound> rounds;
+  options.on_round = [&rounds](const LogFitRound& round) { rounds.push_back(round); };
+  const LogFitRound last = fit_log(options);
+  REQUIRE(rounds.size() == 6);
+  for (std::size_t i = 1; i < rounds.size(); ++i) {
+    CHECK(rounds[i].log_likelihood > rounds[i - 1].log_likelihood - 1e-3);
+  }
+  CHECK(rounds.front().statistics.attack_probability == 0.7);
+  // The share of forced readings is seen exactly; four standard errors of 800.
+  const double forced = last.statistics.attack_probability * last.statistics.dos_probability;
+  CHECK(forced == Approx(0.03).margin(4.0 * std::sqrt(0.03 * 0.97 / 800)));
+  // Its text can stand in a scenario, where it says the same.
+  const std::string text = assumes_text(last.statistics);
+  AttackAssumptions read;
+  ConfigurationDocument document = ConfigurationDocument::from_text(text, "fit.yaml");
+  read.read(document.root().map("assumes"), 2);
+  document.finish();
+  const AttackStatistics back = read.periods.front().statistics(2);
+  CHECK(back.attack_probability == Approx(last.statistics.attack_probability).epsilon(1e-5));
+  CHECK(back.bias_covariance(0, 1) == Approx(last.statistics.bias_covariance(0, 1)).margin(1e-4));
+  options.name = "gslr";
+  CHECK_THROWS_AS(fit_log(options), UsageError);
+}
+
+}  // namespace holdfast
