@@ -65,6 +65,10 @@ class AttackHypotheses {
 
   /// Posterior probability of each hypothesis, of the latest update.
   const std::array<double, kNumAttackHypotheses>& probabilities() const { return posterior_; }
+  /// Logarithm of its prior probability times its density of the latest reading.
+  double log_weight(AttackHypothesis hypothesis) const {
+    return log_weights_[static_cast<std::size_t>(hypothesis)];
+  }
   /// The belief given a hypothesis of the latest update; null where it is ruled out.
   const Belief<N>* given(AttackHypothesis hypothesis) const {
     const auto i = static_cast<std::size_t>(hypothesis);

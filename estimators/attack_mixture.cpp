@@ -4,6 +4,7 @@
 
 #include "common/errors.h"
 #include "estimators/attack_hypotheses.h"
+#include "estimators/attack_sum.h"
 #include "estimators/sized_vector_kernel.h"
 
 namespace holdfast {
@@ -15,7 +16,9 @@ class AttackMixtureMethod {
   /// learning: sums up each reading; null: nobody wants it.
   AttackMixtureMethod(const AttackMixtureOptions& options, int num_measurements,
                       std::shared_ptr<AttackLearning> learning)
-      : num_passes_(options.smoother_passes),
+      : num_passes_(options.components_max > 1 ? 1 : options.smoother_passes),
+        sum_(static_cast<std::size_t>(options.components_max), options.prune_below),
+        components_max_(options.components_max),
         learn_over_steps_(options.learn_over_steps),
         learning_(std::move(learning)) {
     for (const AttackAssumptions::Period& period : options.assumes.periods) {
@@ -28,6 +31,15 @@ class AttackMixtureMethod {
   void begin_step(std::int64_t step) {
     of_state_.begin_step(step);
     of_state_.now().forget();
+    sum_.forget(of_state_.now().probabilities());
+  }
+
+  bool move(SizedModel<N, L>& model, const Belief<N>& belief, Small<N, N>& cross,
+            Belief<N>& predicted) {
+    if (!has_sum()) return false;
+    if (sum_.num_components() == 0) sum_.start(belief);
+    sum_.move(model, cross, predicted);
+    return true;
   }
 
   // Distances are told from readings that nobody touched.
@@ -37,8 +49,10 @@ class AttackMixtureMethod {
   }
 
   VectorResult correct(const Belief<N>& prior, const Observation<N, L>& observation,
-                       const ReadingBelief<L>& /*reading*/, const Small<L, L>& R, const Small<L>& y,
-                       Belief<N>& posterior) {
+                       const ReadingBelief<L>& /*reading*/, SizedModel<N, L>& model,
+                       const Small<L>& y, Belief<N>& posterior) {
+    const Small<L, L>& R = model.R();
+    if (has_sum()) return correct_sum(prior, observation, model, y, posterior);
     const auto found = of_state_.now().update(prior, observation, R, y, posterior);
     if (!found.is_usable) return {};
     sum_up(of_state_.now(), observation, R, y);
@@ -48,17 +62,23 @@ class AttackMixtureMethod {
             found.log_density};
   }
 
-  const ReadingBelief<L>* explained() const { return of_state_.now().likeliest_reading(); }
+  const ReadingBelief<L>* explained() const {
+    return has_sum() ? nullptr : of_state_.now().likeliest_reading();
+  }
 
   void publish(Estimate& estimate) const {
     const AttackHypotheses<N, L>& hypotheses = of_state_.now();
+    const auto& probabilities = has_sum() ? sum_.probabilities() : hypotheses.probabilities();
     estimate.hypotheses.resize(kNumAttackHypotheses);
     estimate.mode_probability.resize(kNumAttackHypotheses);
     for (std::size_t i = 0; i < kNumAttackHypotheses; ++i) {
       HypothesisEstimate& one = estimate.hypotheses[i];
       if (one.name.empty()) one.name = attack_hypothesis_names()[i];
-      one.probability = estimate.mode_probability[i] = hypotheses.probabilities()[i];
-      const Belief<N>* given = hypotheses.given(static_cast<AttackHypothesis>(i));
+      one.probability = estimate.mode_probability[i] = probabilities[i];
+      one.num_components = has_sum() ? static_cast<int>(sum_.num_components()) : 0;
+      one.num_candidates = has_sum() ? static_cast<int>(sum_.num_candidates()) : 0;
+      const Belief<N>* given =
+          has_sum() ? nullptr : hypotheses.given(static_cast<AttackHypothesis>(i));
       // Where a hypothesis is ruled out there is no state given it: the filter's own stands.
       if (given != nullptr) {
         one.mean = given->mean;
@@ -69,7 +89,7 @@ class AttackMixtureMethod {
       }
     }
     estimate.attack_probability =
-        1.0 - hypotheses.probabilities()[static_cast<std::size_t>(AttackHypothesis::kUntouched)];
+        1.0 - probabilities[static_cast<std::size_t>(AttackHypothesis::kUntouched)];
   }
 
   int num_passes() const { return num_passes_; }
@@ -97,6 +117,22 @@ class AttackMixtureMethod {
                        hypotheses.probabilities(), y);
   }
 
+  bool has_sum() const { return components_max_ > 1; }
+
+  VectorResult correct_sum(const Belief<N>& prior, const Observation<N, L>& observation,
+                           SizedModel<N, L>& model, const Small<L>& y, Belief<N>& posterior) {
+    if (sum_.num_components() == 0) sum_.start(prior);
+    VectorResult result{VectorResult::Kind::kSkipped};
+    // The reading as untouched is what kernel and estimate say of it.
+    if (!sum_.correct(model, observation, of_state_.now(), y, result.log_density, posterior)) {
+      return {};
+    }
+    const auto& p = sum_.probabilities();
+    const bool teaches = p[static_cast<std::size_t>(AttackHypothesis::kForcedToZero)] < 0.5;
+    if (teaches) result.kind = VectorResult::Kind::kCorrected;
+    return result;
+  }
+
   // Recursive expectation-maximisation: old readings fade, the first guess counts as some.
   void learn() {
     learning_->statistics = learning_->fit.maximise(learning_->statistics);
@@ -106,6 +142,8 @@ class AttackMixtureMethod {
   }
 
   int num_passes_;
+  AttackSum<N, L> sum_;
+  int components_max_;
   double learn_over_steps_;
   std::shared_ptr<AttackLearning> learning_;
   PeriodSchedule<AttackHypotheses<N, L>> of_state_;
@@ -144,6 +182,11 @@ void AttackMixtureOptions::read(ConfigurationMap& map, const SystemModel& model)
   map.read("learn_over_steps", learn_over_steps, kNonNegative);
   if (learn_over_steps > 0.0 && learn_over_steps < kLearnOverMin) {
     map.problem("learn_over_steps", "must be 0 or at least 10");
+  }
+  map.read("components_max", components_max, {1.0, 1000.0});
+  map.read("prune_below", prune_below, kProbability);
+  if (learn_over_steps > 0.0 && components_max > 1) {
+    map.problem("learn_over_steps", "needs components_max: 1");
   }
   if (learn_over_steps > 0.0 && assumes.periods.size() > 1) {
     map.problem("learn_over_steps", "cannot go with assumes.changes: it learns what changes");

@@ -14,6 +14,8 @@ struct AttackMixtureOptions : VectorFilterOptions {
   AttackAssumptions assumes;
   double zero_std = 0.0;    // of what a sensor forced to zero shows; 0: exact zeros, which prove it
   int smoother_passes = 3;  // of expectation propagation; 1: Rauch-Tung-Striebel only
+  int components_max = 1;   // Gaussians that it keeps from step to step; 1: GPB1
+  double prune_below = 1e-4;  // of more: lighter ones are merged into the nearest
   // Steps over which it learns what it assumes, from that as a first guess; 0: not at all.
   double learn_over_steps = 0.0;
 
@@ -28,7 +30,8 @@ struct AttackLearning {
 };
 
 /// A filter that asks of each reading what was done to it: nothing, bias, scale, both, or forced to
-/// zero. One Kalman update per hypothesis, collapsed to one Gaussian (GPB1; docs/gslr.md).
+/// zero. One Kalman update per hypothesis, collapsed to one Gaussian (GPB1; docs/gslr.md) or to
+/// several (AttackSum; its smoother is Rauch-Tung-Striebel, and hypotheses have the common state).
 ///
 /// attack_probability is 1 - P(untouched | readings up to now); hypotheses hold the posterior
 /// probability of each and the state given it. Without packets the prior probabilities stand. The

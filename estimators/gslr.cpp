@@ -27,8 +27,8 @@ class GslrMethod {
   }
 
   VectorResult correct(const Belief<N>& prior, const Observation<N, L>& observation,
-                       const ReadingBelief<L>& reading, const Small<L, L>& /*R*/, const Small<L>& y,
-                       Belief<N>& posterior) {
+                       const ReadingBelief<L>& reading, SizedModel<N, L>& /*model*/,
+                       const Small<L>& y, Belief<N>& posterior) {
     const bool is_forced = skips_zero_ && (y.array() == 0.0).all();
     if (is_forced || attacks_.now().moments.s1 == 0.0) return {VectorResult::Kind::kSkipped};
     const UpdateResult one = update_.weigh(observation, reading, y);

@@ -21,8 +21,8 @@ class KalmanMethod {
   }
 
   VectorResult correct(const Belief<N>& prior, const Observation<N, L>& observation,
-                       const ReadingBelief<L>& reading, const Small<L, L>& /*R*/, const Small<L>& y,
-                       Belief<N>& posterior) {
+                       const ReadingBelief<L>& reading, SizedModel<N, L>& /*model*/,
+                       const Small<L>& y, Belief<N>& posterior) {
     if (skips_zero_ && (y.array() == 0.0).all()) return {VectorResult::Kind::kSkipped};
     const UpdateResult one = update_.weigh(observation, reading, y);
     if (!one.is_definite) return {};

@@ -17,7 +17,8 @@ namespace holdfast {
 ///
 ///   void begin_step(step)                                for parameters that change
 ///   void believe(observation, R, reading)                the reading as one Gaussian
-///   VectorResult correct(prior, observation, reading, R, y, posterior)
+///   VectorResult correct(prior, observation, reading, model, y, posterior)
+///   bool move(model, belief, cross, predicted)           optional: moves more than one belief
 ///   void publish(estimate)
 ///   const ReadingBelief* explained()                     optional: the reading as it was explained
 ///   int num_passes()                                     of the smoother; 1: Rauch-Tung-Striebel
@@ -42,10 +43,10 @@ class SizedVectorKernel : public VectorKernel {
     method_.begin_step(step);
     now_.step = step;
     now_.has_reading = false;
-    if (has_to_move) {
-      model_.predict(belief_, now_.smoothing.cross, now_.smoothing.predicted);
-    } else {
+    if (!has_to_move) {
       now_.smoothing.predicted = belief_;
+    } else if (!moves_itself()) {
+      model_.predict(belief_, now_.smoothing.cross, now_.smoothing.predicted);
     }
     belief_ = now_.smoothing.predicted;
   }
@@ -70,7 +71,7 @@ class SizedVectorKernel : public VectorKernel {
       now_.is_missing = observation.is_missing;
     }
     const VectorResult result =
-        method_.correct(now_.smoothing.predicted, observation, reading_, model_.R(), y_, belief_);
+        method_.correct(now_.smoothing.predicted, observation, reading_, model_, y_, belief_);
     if constexpr (requires(const Method<N, L>& m) { m.explained(); }) {
       if (const ReadingBelief<L>* explained = method_.explained()) reading_ = *explained;
     }
@@ -136,6 +137,16 @@ class SizedVectorKernel : public VectorKernel {
     int num_missing = 0;
     std::array<bool, small_bound(L)> is_missing{};
   };
+
+  // True when the method has moved what it holds instead of one belief.
+  bool moves_itself() {
+    if constexpr (requires(Method<N, L> & m) {
+                    m.move(model_, belief_, now_.smoothing.cross, now_.smoothing.predicted);
+                  }) {
+      return method_.move(model_, belief_, now_.smoothing.cross, now_.smoothing.predicted);
+    }
+    return false;
+  }
 
   const Kept& kept(std::size_t i) const { return kept_[(first_kept_ + i) % kept_.size()]; }
 
