@@ -15,6 +15,7 @@ void to_message(const AttackRecord& record, std::span<const AttackRule> rules, d
   message.disposition = static_cast<std::int32_t>(record.disposition);
   message.rule = rule.name;
   message.action = to_string(rule.action);
+  message.actions = static_cast<std::int32_t>(record.actions);
   message.rx_index = record.rx_index;
   message.tx_index = record.tx_index;
   message.draw_index = record.draw_index;
@@ -32,6 +33,7 @@ bool from_message(const attack_frame_t& message, std::span<const AttackRule> rul
   while (record.rule < rules.size() && rules[record.rule].name != message.rule) ++record.rule;
   if (record.rule == rules.size()) return false;
   record.disposition = static_cast<AttackRecord::Disposition>(message.disposition);
+  record.actions = static_cast<std::uint32_t>(message.actions);
   record.step = message.step;
   record.rx_index = message.rx_index;
   record.tx_index = message.tx_index;

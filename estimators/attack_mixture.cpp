@@ -96,7 +96,8 @@ class AttackMixtureMethod {
 
   // The sums of an earlier pass knew less.
   void begin_pass() {
-    if (learning_ != nullptr && learn_over_steps_ == 0.0) learning_->fit.clear();
+    if (learning_ == nullptr || !learning_->sums_up || learn_over_steps_ > 0.0) return;
+    learning_->fit.clear();
   }
 
   bool tilt(std::int64_t step, const Belief<L>& cavity, const Observation<L, L>& of_s,

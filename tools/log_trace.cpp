@@ -214,6 +214,7 @@ class LogCollector {
     trace_.knows_attacks = true;
     if (is_step(message.step, trouble)) {
       if (attack_truth_ != AttackTruth::kSignals) trace_.attacked_steps.insert(message.step);
+      trace_.frame_actions[message.step] |= static_cast<std::uint32_t>(message.actions);
       const bool has_original = message.disposition != attack_frame_t::INJECTED;
       const can_frame_t& frame = has_original ? message.original : message.forwarded;
       trace_.touched.push_back(

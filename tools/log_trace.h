@@ -84,6 +84,7 @@ struct LogTrace {
   std::vector<FrameMark> touched, received;
   std::map<std::int64_t, std::vector<double>> attack_signals;  // by step, one after the other
   std::set<std::int64_t> attacked_steps;
+  std::map<std::int64_t, std::uint32_t> frame_actions;  // by step, of all frames: attack_frame_t
   bool knows_attacks = false;  // somebody who would tell of attacks wrote to the log
   std::set<std::string> scenario_hashes;
   std::map<std::string, ChannelTrouble> troubles;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "estimators/estimate.h"
+#include "tools/frame_truth.h"
 
 namespace holdfast {
 namespace {
@@ -169,6 +170,11 @@ RunScores score_estimator(const ScenarioFacts& facts, const LogTrace& trace,
     if (state != trace.truth.end()) {
       truth.state = state->second.state;
       truth.mode = state->second.mode;
+    }
+    if (facts.attack_truth == AttackTruth::kFrames) {
+      const auto actions = trace.frame_actions.find(step);
+      truth.mode = static_cast<int>(
+          true_hypothesis(actions != trace.frame_actions.end() ? actions->second : 0));
     }
     truth.is_attacked = trace.attacked_steps.contains(step);
     const auto signal = trace.attack_signals.find(step);

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "common/clock.h"
+#include "tools/frame_truth.h"
 
 namespace holdfast {
 
@@ -85,17 +86,14 @@ const MeasurementSet& Simulation::input_of(const EstimatorEntry& entry) const {
 }
 
 AttackHypothesis Simulation::done_to_frames() const {
-  using Action = AttackRule::Action;
-  bool is_forced = false, is_biased = false, is_scaled = false;
-  for (const AttackRecord& record : records_) {
-    is_forced = is_forced || record.acted(Action::kForce);
-    is_biased = is_biased || record.acted(Action::kAdd);
-    is_scaled = is_scaled || record.acted(Action::kScale);
-  }
-  if (is_forced) return AttackHypothesis::kForcedToZero;
-  if (is_biased && is_scaled) return AttackHypothesis::kBoth;
-  if (is_biased) return AttackHypothesis::kBiased;
-  return is_scaled ? AttackHypothesis::kScaled : AttackHypothesis::kUntouched;
+  std::uint32_t actions = 0;
+  for (const AttackRecord& record : records_) actions |= record.actions;
+  return true_hypothesis(actions);
+}
+
+int Simulation::true_mode() const {
+  return experiment_.attack_truth == AttackTruth::kFrames ? static_cast<int>(done_to_frames())
+                                                          : truth_->mode;
 }
 
 bool Simulation::has_signal_attack() const {

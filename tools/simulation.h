@@ -32,6 +32,9 @@ class Simulation {
   std::int64_t num_authentic() const;
   /// True when a signal attack acts in this step.
   bool has_signal_attack() const;
+  /// What the modes of estimators are scored against: the plant's mode, or what was done to frames
+  /// where the scenario's attack_truth is those.
+  int true_mode() const;
   /// True when the step counts as attacked, as the scenario's attack_truth says.
   bool is_attacked() const;
   /// estimates()[i] belongs to entries()[i].

@@ -76,8 +76,8 @@ int run(const CampaignProgramOptions& options, ProcessGroup& group) {
     if (entry.is_outside())
       std::cerr << "holdfast-campaign: " << entry.name << " is an outside command: left out\n";
   }
+  StopSignals signals;  // first: who sees the file may stop the campaign as it wants to be stopped
   CampaignStore store(options.results_file(plan), plan);
-  StopSignals signals;
   campaign.should_stop = [&signals] { return signals.has_come(); };
   if (isatty(STDERR_FILENO) != 0) campaign.on_progress = CampaignProgressLine();
   run_campaign(plan, store, group, campaign);

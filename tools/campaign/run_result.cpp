@@ -178,7 +178,7 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
       result.authentic_packets.push_back(static_cast<double>(simulation.num_authentic()));
     counters.add(simulation);
     const TrueStep true_step{{truth.state.data(), static_cast<std::size_t>(truth.state.size())},
-                             truth.mode,
+                             simulation.true_mode(),
                              attacked,
                              attack_signal};
     for (std::size_t i = 0; i < scorers.size(); ++i) {

@@ -30,6 +30,8 @@ attacks:
     REQUIRE(from_message(message, rules, back));
     CHECK(back.disposition == record.disposition);
     CHECK(back.rule == record.rule);
+    CHECK(back.actions == record.actions);
+    CHECK(back.acted(rules[record.rule].action));
     CHECK(back.step == record.step);
     CHECK(back.rx_index == record.rx_index);
     CHECK(back.tx_index == record.tx_index);
