@@ -16,9 +16,6 @@ namespace {
 // handle_pending() returns after so many, so that a flood on one channel starves no other work.
 constexpr int kMessagesPerCallMax = 10000;
 
-// LCM's own bound; a channel's name without end shows as a negative length, which is above it.
-constexpr std::uint32_t kMessageBytesMax = 1U << 28;
-
 }  // namespace
 
 struct LcmLink::Subscription {
@@ -32,7 +29,7 @@ struct LcmLink::Subscription {
   }
 
   void record(const lcm_recv_buf_t& buffer, const char* name) {
-    if (buffer.data_size > kMessageBytesMax) return;
+    if (buffer.data_size > kLcmMessageBytesMax) return;
     try {
       recorder(name, buffer.recv_utime,
                {static_cast<const std::uint8_t*>(buffer.data), buffer.data_size});
@@ -49,7 +46,7 @@ struct LcmLink::Subscription {
       ++counters->refused_by_verdict["wrong_channel"];
       return;
     }
-    if (buffer.data_size > kMessageBytesMax) {
+    if (buffer.data_size > kLcmMessageBytesMax) {
       ++counters->refused;
       ++counters->refused_by_verdict["too_long"];
       return;

@@ -20,8 +20,7 @@ constexpr std::uint32_t kLongMagic =
     0x4c433033;  // "LC03": magic, seqno, size, offset, number, count, ...
 constexpr std::uint32_t kShortHeaderBytes = 8;
 constexpr std::uint32_t kLongHeaderBytes = 20;
-constexpr std::uint32_t kMessageBytesMax = 1U << 28;  // LCM's own bound
-constexpr std::uint32_t kChannelBytesMax = 63;
+constexpr std::uint32_t kDatagramChannelBytesMax = 63;
 
 // A classic BPF program: jumps only lead forwards, so each test is followed by its refusal.
 class Program {
@@ -46,7 +45,7 @@ class Program {
   }
   // A load beyond the datagram's end refuses it.
   void accept_if_name_ends(std::uint32_t at) {
-    for (std::uint32_t i = 0; i <= kChannelBytesMax; ++i) {
+    for (std::uint32_t i = 0; i <= kDatagramChannelBytesMax; ++i) {
       load_byte(at + i);
       accept_if_zero();
     }
@@ -86,7 +85,7 @@ Program lcm_program() {
   program.end_if();
   program.begin_if(kLongMagic);
   program.load_word(kPayload + 8);
-  program.refuse_if_above(kMessageBytesMax);
+  program.refuse_if_above(kLcmMessageBytesMax);
   program.copy_to_x();
   program.load_word(kPayload + 12);
   // LCM itself tests the fragment's end; it cannot wrap around once the offset is bounded.

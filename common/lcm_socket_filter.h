@@ -11,6 +11,10 @@ namespace holdfast {
 // negative. Nothing above LCM can stop that, so the kernel refuses such datagrams before LCM's
 // socket gets them.
 
+/// LCM's own bound of a message. A channel's name without end shows as a negative length, which is
+/// above it.
+inline constexpr std::uint32_t kLcmMessageBytesMax = 1U << 28;
+
 /// Port of a udpm URL; 0 for another provider.
 int udpm_port(const std::string& url);
 

@@ -14,7 +14,7 @@ namespace {
 // big-endian without padding.
 constexpr std::array<std::uint8_t, 4> kSyncBytes{0xED, 0xA1, 0xDA, 0x01};
 constexpr std::size_t kHeaderBytes = 28;
-constexpr std::uint32_t kChannelBytesMax = 999;
+constexpr std::uint32_t kLoggedChannelBytesMax = 999;
 
 std::uint64_t big_endian(const std::uint8_t* bytes, std::size_t count) {
   std::uint64_t value = 0;
@@ -60,7 +60,7 @@ bool LogReader::next(LogEvent& event) {
     const std::uint64_t channel_bytes = big_endian(&header[20], 4);
     const std::uint64_t data_bytes = big_endian(&header[24], 4);
     const bool is_event =
-        is_synchronised && channel_bytes >= 1 && channel_bytes <= kChannelBytesMax;
+        is_synchronised && channel_bytes >= 1 && channel_bytes <= kLoggedChannelBytesMax;
     if (start == event_end && !goes_back) {
       looks_like_event = got < kHeaderBytes ? is_synchronised : is_event;
       // No event follows the last one, so its length may be wrong and others may stand in it. Once

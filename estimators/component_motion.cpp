@@ -5,11 +5,6 @@
 #include "estimators/padded_matrix.h"
 
 namespace holdfast {
-namespace {
-
-constexpr double kOne = 1.0;
-
-}  // namespace
 
 ComponentMotion::ComponentMotion(const SystemModel& model, HybridBernoulliOptions::Update update)
     : model_(model),
@@ -120,8 +115,7 @@ void ComponentMotion::move_points(const double* mean, const double* covariance, 
     for (int j = 0; j < rows; ++j) moved[j] -= next_mean[j];
     for (int j = 0; j < rows; ++j) {
       const double factor = points_.weight(i) * moved[j];
-      padded::add_combination(factor, &kOne, 1, 1, moved, next_width,
-                              next_covariance + j * next_width, next_width);
+      padded::add_row(factor, moved, next_covariance + j * next_width, next_width);
     }
   }
   add_noise(next_covariance, next_width);

@@ -5,11 +5,6 @@
 #include "estimators/padded_matrix.h"
 
 namespace holdfast {
-namespace {
-
-constexpr double kOne = 1.0;
-
-}  // namespace
 
 ComponentObservation::ComponentObservation(const SystemModel& model, const std::vector<int>& rows,
                                            bool observes_signal,
@@ -111,8 +106,8 @@ void ComponentObservation::predict_points(const double* mean, const double* cova
     }
     for (int j = 0; j < size(); ++j) {
       const double factor = points_.weight(i) * seen[j];
-      padded::add_combination(factor, &kOne, 1, 1, seen, own_width, S + j * own_width, own_width);
-      padded::add_combination(factor, &kOne, 1, 1, offset_.data(), width, T + j * width, width);
+      padded::add_row(factor, seen, S + j * own_width, own_width);
+      padded::add_row(factor, offset_.data(), T + j * width, width);
     }
   }
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -84,7 +85,10 @@ class GaussianMixture {
   std::vector<ComponentTag> tags_;
 };
 
-/// log sum exp of the values; -infinity when there are none.
+/// log 0.
+inline constexpr double kImpossible = -std::numeric_limits<double>::infinity();
+
+/// log sum exp of the values; kImpossible when there are none.
 double log_sum_exp(std::span<const double> values);
 
 }  // namespace holdfast

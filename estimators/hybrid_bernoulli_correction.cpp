@@ -2,16 +2,11 @@
 
 #include <array>
 #include <cmath>
-#include <limits>
 
+#include "estimators/gaussian_mixture.h"
 #include "estimators/mixture_reduction.h"
 
 namespace holdfast {
-namespace {
-
-constexpr double kImpossible = -std::numeric_limits<double>::infinity();
-
-}  // namespace
 
 HybridBernoulliCorrection::HybridBernoulliCorrection(const SystemModel& model,
                                                      const HybridBernoulliOptions& options,

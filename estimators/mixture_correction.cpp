@@ -2,17 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
+#include "estimators/gaussian_mixture.h"
 #include "estimators/padded_matrix.h"
 
 namespace holdfast {
-namespace {
-
-constexpr double kImpossible = -std::numeric_limits<double>::infinity();
-
-}  // namespace
 
 MixtureCorrection::MixtureCorrection(const SystemModel& model,
                                      const HybridBernoulliOptions& options,

@@ -49,6 +49,12 @@ inline void add_combination(double sign, const double* coefficients, int stride,
   if (width == 4) detail::add_block<1>(sign, coefficients, stride, count, rows, rows_width, row);
 }
 
+/// row += factor * other.
+inline void add_row(double factor, const double* other, double* row, int width) {
+  const double one = 1.0;
+  add_combination(factor, &one, 1, 1, other, width, row, width);
+}
+
 /// out = A B: A [rows x inner], B [inner x columns of width].
 inline void multiply(const double* A, int A_width, int rows, int inner, const double* B, int width,
                      double* out) {

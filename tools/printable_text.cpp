@@ -36,9 +36,9 @@ bool is_control(std::uint32_t code_point) {
 }
 
 std::string escape_of(std::uint32_t code_point) {
-  constexpr std::string_view kDigits = "0123456789abcdef";
+  constexpr std::string_view kHexDigits = "0123456789abcdef";
   if (code_point > 0xFF) return "?";
-  return std::string("\\x") + kDigits[code_point >> 4] + kDigits[code_point & 15U];
+  return std::string("\\x") + kHexDigits[code_point >> 4] + kHexDigits[code_point & 15U];
 }
 
 }  // namespace

@@ -9,8 +9,7 @@
 namespace holdfast {
 namespace {
 
-// More curves or intervals than these cannot be told apart in one figure.
-constexpr std::size_t kEstimatorsMax = 8, kSpansMax = 100;
+constexpr std::size_t kSpansMax = 100;  // more intervals cannot be told apart in one figure
 
 std::string step_label(double step_s) {
   if (!(step_s > 0.0)) return "step";
@@ -29,7 +28,7 @@ FigureContext figure_context(const ReviewedLog& log) {
   for (const EstimatorReview& estimator : log.review.estimators) {
     const auto found = log.trace->estimators.find(estimator.trace_key);
     if (found == log.trace->estimators.end() || found->second.samples.empty()) continue;
-    if (context.estimators.size() == kEstimatorsMax) {
+    if (context.estimators.size() == kCurvesMax) {
       ++num_left_out;
       continue;
     }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -8,6 +9,9 @@
 #include "tools/scenario_facts.h"
 
 namespace holdfast {
+
+/// More curves cannot be told apart in one figure.
+inline constexpr std::size_t kCurvesMax = 8;
 
 /// An estimator that figures show.
 struct ShownEstimator {

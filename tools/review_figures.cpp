@@ -12,8 +12,6 @@
 namespace holdfast {
 namespace {
 
-constexpr std::size_t kEstimatorsMax = 8;  // more curves cannot be told apart in one figure
-
 FigureSeries curve_series(const std::string& name, const MetricCurve& curve) {
   FigureSeries series;
   series.name = name;
@@ -75,7 +73,7 @@ Report combined_report(const CombinedReview& combined) {
             title + (curve.unit.empty() ? "" : " [" + printable(curve.unit, 20) + "]");
         figure->note = "Bands: mean over the runs ± 2 standard errors.";
       }
-      if (figure->series.size() < kEstimatorsMax)
+      if (figure->series.size() < kCurvesMax)
         figure->series.push_back(curve_series(printable(estimator.estimator, 40), curve));
     }
   }

@@ -12,6 +12,14 @@
 
 namespace holdfast::testing {
 
+/// Options of a bus that may write; a write fails when the bus is full for so long.
+inline BusOptions writable(double timeout_s = BusOptions().write_timeout_s) {
+  BusOptions options;
+  options.may_write = true;
+  options.write_timeout_s = timeout_s;
+  return options;
+}
+
 /// Reads the bus, waiting on its descriptor, until the condition holds; false after the deadline.
 /// on_frame takes each frame read.
 inline bool read_until(CanBus& bus, const std::function<bool()>& condition,

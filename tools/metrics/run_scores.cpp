@@ -7,10 +7,11 @@
 #include <stdexcept>
 #include <utility>
 
+#include "tools/metrics/statistics.h"
+
 namespace holdfast {
 namespace {
 
-constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kMixturesMax = 4;
 
 }  // namespace

@@ -13,9 +13,9 @@
 namespace holdfast {
 namespace {
 
-constexpr std::size_t kPointsMax = 4000;
+constexpr std::size_t kPlotPointsMax = 4000;
 constexpr std::size_t kSpansMax = 200;
-constexpr std::size_t kTextBytesMax = 120;
+constexpr std::size_t kPlotTextBytesMax = 120;
 
 // Okabe and Ito's palette, darkest first; with dashes and marks for prints in grey.
 constexpr std::array<const char*, 7> kColours = {"#000000", "#0072b2", "#d55e00", "#009e73",
@@ -208,7 +208,7 @@ std::string curve(const FigureSeries& series, std::size_t index) {
 
 std::string gnuplot_text(const std::string& text) {
   std::string quoted = "'";
-  for (const char c : printable(text, kTextBytesMax)) {
+  for (const char c : printable(text, kPlotTextBytesMax)) {
     // A doubled quote is not enough: gnuplot 5.4 takes one at the beginning for an empty string.
     if (c == '\'' || c == '`') {
       quoted += "\u2019";
@@ -227,7 +227,7 @@ std::string gnuplot_script(const Figure& figure, const std::string& name,
            "[0.1:1]\nunset tics\nplot 0 notitle with lines linecolor rgb '#ffffff'\n";
   }
   std::vector<FigureSeries> series;
-  for (const FigureSeries& raw : figure.series) series.push_back(thinned(raw, kPointsMax));
+  for (const FigureSeries& raw : figure.series) series.push_back(thinned(raw, kPlotPointsMax));
   const Range x = x_span(series), y = y_span(series, figure);
   std::string text =
       settings(figure, name, format, x.high > x.low ? (y.high - y.low) / (x.high - x.low) : 1.0);

@@ -14,10 +14,8 @@
 namespace holdfast {
 namespace {
 
-constexpr std::size_t kTextBytesMax = 1000;
-
 std::string escaped(const std::string& text) {
-  return printable_xml(text, kTextBytesMax);
+  return printable_xml(text, kPageTextBytesMax);
 }
 
 // Lines of the text, each escaped, since printable text has no line ends of its own.

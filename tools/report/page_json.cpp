@@ -17,11 +17,10 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kPointsMax = 200'000;
-constexpr std::size_t kTextBytesMax = 1000;
 constexpr int kDigits = 6, kDigitsOfOne = 9, kDigitsMax = 15;
 
 Json text(const std::string& value) {
-  return printable(value, kTextBytesMax);
+  return printable(value, kPageTextBytesMax);
 }
 
 // Significant digits that tell values apart that differ by the resolution.

@@ -1,10 +1,14 @@
 #pragma once
 
+#include <cstddef>
 #include <string>
 
 #include "tools/report/figure.h"
 
 namespace holdfast {
+
+/// Longer texts are cut in a page.
+inline constexpr std::size_t kPageTextBytesMax = 1000;
 
 /// The figures of a report as the page's script reads them: JSON in ASCII that may stand inside an
 /// HTML element, since it holds no '<'.

@@ -16,12 +16,6 @@ using namespace holdfast::testing;
 
 namespace {
 
-BusOptions writable() {
-  BusOptions options;
-  options.may_write = true;
-  return options;
-}
-
 std::vector<CanFrame> read_all(CanBus& bus) {
   std::vector<CanFrame> frames;
   std::array<CanFrame, 3> batch;

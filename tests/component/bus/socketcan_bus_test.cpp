@@ -29,13 +29,6 @@ struct Pair {
   FileDescriptor near, far;
 };
 
-BusOptions writable(double timeout_s = 10.0) {
-  BusOptions options;
-  options.may_write = true;
-  options.write_timeout_s = timeout_s;
-  return options;
-}
-
 void send_raw(int fd, std::uint32_t id, int length, std::size_t size) {
   canfd_frame kernel{};
   kernel.can_id = id;

@@ -23,12 +23,6 @@ namespace {
 
 const std::string kUrl = "udp:239.74.163.2:43113";
 
-BusOptions writable() {
-  BusOptions options;
-  options.may_write = true;
-  return options;
-}
-
 // Sends bytes as they are to the group, from a socket of its own.
 class RawSender {
  public:

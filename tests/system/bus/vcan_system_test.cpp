@@ -20,16 +20,15 @@ using Events = std::vector<std::string>;
 
 namespace {
 
-BusOptions writable(Events* events = nullptr) {
-  BusOptions options;
-  options.may_write = true;
+BusOptions writable_telling(Events* events = nullptr) {
+  BusOptions options = writable();
   if (events != nullptr)
     options.on_event = [events](const std::string& event) { events->push_back(event); };
   return options;
 }
 
 std::unique_ptr<CanBus> open_vcan(int number, Events* events = nullptr) {
-  return open_can_bus("socketcan:vcan" + std::to_string(number), writable(events));
+  return open_can_bus("socketcan:vcan" + std::to_string(number), writable_telling(events));
 }
 
 bool ip(const std::string& arguments) {
@@ -148,7 +147,7 @@ TEST_CASE(
 
 TEST_CASE("what the kernel dropped is counted, though no frame came after it") {
   Events events;
-  BusOptions small = writable(&events);
+  BusOptions small = writable_telling(&events);
   small.receive_buffer_bytes = 16384;
   const auto reader = open_can_bus("socketcan:vcan0", small);
   const auto writer = open_vcan(0), roomy = open_vcan(0);

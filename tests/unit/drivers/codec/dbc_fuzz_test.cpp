@@ -1,21 +1,13 @@
 #include <cmath>
-#include <fstream>
 #include <random>
 #include <set>
-#include <sstream>
 
 #include "drivers/can/dbc.h"
 #include "tests/support/catch.h"
+#include "tests/support/texts.h"
 
 namespace holdfast {
 namespace {
-
-std::string file_text(const std::string& name) {
-  std::ifstream stream(std::string(HOLDFAST_SOURCE_DIR) + "/" + name, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
-}
 
 // What holds for every result, whatever the bytes were; uses each signal, so that a sanitizer sees
 // an access outside.
@@ -92,7 +84,7 @@ std::string mutated(std::string text, std::mt19937& generator) {
 }
 
 TEST_CASE("no bytes make the DBC reader throw or give a signal outside its message") {
-  const std::string awkward = file_text("tests/support/dbc_files/awkward.dbc");
+  const std::string awkward = testing::file_text("tests/support/dbc_files/awkward.dbc");
   REQUIRE(awkward.size() > 1000);
   std::mt19937 generator(1);
   std::size_t num_kept = 0, num_problems = 0;
@@ -108,7 +100,7 @@ TEST_CASE("no bytes make the DBC reader throw or give a signal outside its messa
 }
 
 TEST_CASE("every beginning of a file is read without harm") {
-  const std::string awkward = file_text("tests/support/dbc_files/awkward.dbc");
+  const std::string awkward = testing::file_text("tests/support/dbc_files/awkward.dbc");
   for (std::size_t size = 0; size < awkward.size(); size += 3)
     check_invariants(parse_dbc(awkward.substr(0, size)));
 }

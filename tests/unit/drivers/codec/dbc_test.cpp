@@ -1,19 +1,9 @@
-#include <fstream>
-#include <sstream>
-
 #include "drivers/can/dbc.h"
 #include "tests/support/catch.h"
+#include "tests/support/texts.h"
 
 namespace holdfast {
 namespace {
-
-std::string file_text(const std::string& name) {
-  std::ifstream stream(std::string(HOLDFAST_SOURCE_DIR) + "/" + name, std::ios::binary);
-  REQUIRE(stream);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return text.str();
-}
 
 TEST_CASE("a message with all that a signal says") {
   const Dbc dbc = parse_dbc(
@@ -178,7 +168,7 @@ TEST_CASE("a frame of another format is not the message's") {
 }
 
 TEST_CASE("the shipped file of the binary sensors is what the scenarios rely on") {
-  const Dbc dbc = parse_dbc(file_text("scenarios/binary_sensors.dbc"));
+  const Dbc dbc = parse_dbc(testing::file_text("scenarios/binary_sensors.dbc"));
   CHECK(dbc.problems.empty());
   REQUIRE(dbc.messages.size() == 17);
   for (std::uint32_t i = 1; i <= 16; ++i) {

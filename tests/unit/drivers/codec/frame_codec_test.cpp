@@ -10,7 +10,7 @@
 namespace holdfast {
 namespace {
 
-using Kind = FrameCodec::Kind;
+using FrameKind = FrameCodec::Kind;
 
 CanFrame frame_of(std::uint32_t identifier, std::uint8_t flags, std::vector<std::uint8_t> bytes) {
   CanFrame frame;
@@ -21,10 +21,10 @@ CanFrame frame_of(std::uint32_t identifier, std::uint8_t flags, std::vector<std:
   return frame;
 }
 
-Kind kind_of(const FrameCodec& codec, const CanFrame& frame) {
+FrameKind kind_of(const FrameCodec& codec, const CanFrame& frame) {
   std::vector<double> values = {7.0};
   const FrameCodec::Decoded decoded = codec.decode(frame, values);
-  if (decoded.kind != Kind::kReading) CHECK(values == std::vector<double>{7.0});
+  if (decoded.kind != FrameKind::kReading) CHECK(values == std::vector<double>{7.0});
   return decoded.kind;
 }
 
@@ -54,7 +54,7 @@ TEST_CASE("a reading is decoded behind the values that are there") {
   const auto decoded = codec.decode(frame_of(16, CanFrame::kFd | CanFrame::kBitRateSwitch,
                                              {0, 0, 0x80, 0xBF, 0x40, 0, 0, 0, 0, 0, 0, 0}),
                                     values);
-  REQUIRE(decoded.kind == Kind::kReading);
+  REQUIRE(decoded.kind == FrameKind::kReading);
   CHECK(values == std::vector<double>{5.0, 2.0, -1.0});
   CHECK(decoded.packet.source == 0);
   CHECK(decoded.packet.first_value == 1);
@@ -65,7 +65,7 @@ TEST_CASE("a reading is decoded behind the values that are there") {
   const FrameCodec bits(small_layout());
   values.clear();
   const auto third = bits.decode(frame_of(259, CanFrame::kExtended, {0x80, 0xFE, 0x00}), values);
-  REQUIRE(third.kind == Kind::kReading);
+  REQUIRE(third.kind == FrameKind::kReading);
   CHECK(third.packet.source == 2);
   CHECK(third.packet.step_counter == 254);
   CHECK(values == std::vector<double>{1.0});
@@ -73,44 +73,46 @@ TEST_CASE("a reading is decoded behind the values that are there") {
 
 TEST_CASE("what is not of the layout is told apart") {
   const FrameCodec codec(small_layout());
-  CHECK(kind_of(codec, frame_of(256, 0, {0, 0, 0})) == Kind::kUnknown);
-  CHECK(kind_of(codec, frame_of(257, CanFrame::kExtended, {0, 0, 0})) == Kind::kUnknown);
-  CHECK(kind_of(codec, frame_of(259, 0, {0, 0, 0})) == Kind::kUnknown);
-  CHECK(kind_of(codec, frame_of(2032, CanFrame::kExtended, {0, 0, 0, 0})) == Kind::kUnknown);
-  CHECK(kind_of(codec, frame_of(0xFFFFFFFF, 0, {0})) == Kind::kUnknown);
-  CHECK(kind_of(codec, frame_of(0xFFFFFFFF, CanFrame::kExtended, {0})) == Kind::kUnknown);
-  CHECK(kind_of(codec, frame_of(257, 0, {0, 0, 0})) == Kind::kReading);
+  CHECK(kind_of(codec, frame_of(256, 0, {0, 0, 0})) == FrameKind::kUnknown);
+  CHECK(kind_of(codec, frame_of(257, CanFrame::kExtended, {0, 0, 0})) == FrameKind::kUnknown);
+  CHECK(kind_of(codec, frame_of(259, 0, {0, 0, 0})) == FrameKind::kUnknown);
+  CHECK(kind_of(codec, frame_of(2032, CanFrame::kExtended, {0, 0, 0, 0})) == FrameKind::kUnknown);
+  CHECK(kind_of(codec, frame_of(0xFFFFFFFF, 0, {0})) == FrameKind::kUnknown);
+  CHECK(kind_of(codec, frame_of(0xFFFFFFFF, CanFrame::kExtended, {0})) == FrameKind::kUnknown);
+  CHECK(kind_of(codec, frame_of(257, 0, {0, 0, 0})) == FrameKind::kReading);
   for (std::size_t length : {0U, 1U, 2U, 4U, 5U, 6U, 7U, 8U}) {
     CHECK(kind_of(codec, frame_of(257, 0, std::vector<std::uint8_t>(length))) ==
-          Kind::kWrongFormat);
+          FrameKind::kWrongFormat);
   }
   for (std::size_t length : {0U, 1U, 2U, 3U, 5U, 8U}) {
     CHECK(kind_of(codec, frame_of(2032, 0, std::vector<std::uint8_t>(length))) ==
-          Kind::kWrongFormat);
+          FrameKind::kWrongFormat);
   }
-  CHECK(kind_of(codec, frame_of(2032, 0, std::vector<std::uint8_t>(4))) == Kind::kTick);
-  CHECK(kind_of(codec, frame_of(257, CanFrame::kFd, {0, 0, 0})) == Kind::kWrongFormat);
+  CHECK(kind_of(codec, frame_of(2032, 0, std::vector<std::uint8_t>(4))) == FrameKind::kTick);
+  CHECK(kind_of(codec, frame_of(257, CanFrame::kFd, {0, 0, 0})) == FrameKind::kWrongFormat);
   CHECK(kind_of(codec, frame_of(257, CanFrame::kFd, std::vector<std::uint8_t>(64))) ==
-        Kind::kWrongFormat);
-  CHECK(kind_of(codec, frame_of(257, CanFrame::kRemote, {0, 0, 0})) == Kind::kWrongFormat);
-  CHECK(kind_of(codec, frame_of(257, CanFrame::kError, {0, 0, 0})) == Kind::kWrongFormat);
-  CHECK(kind_of(codec, frame_of(2032, CanFrame::kRemote, {0, 0, 0, 0})) == Kind::kWrongFormat);
+        FrameKind::kWrongFormat);
+  CHECK(kind_of(codec, frame_of(257, CanFrame::kRemote, {0, 0, 0})) == FrameKind::kWrongFormat);
+  CHECK(kind_of(codec, frame_of(257, CanFrame::kError, {0, 0, 0})) == FrameKind::kWrongFormat);
+  CHECK(kind_of(codec, frame_of(2032, CanFrame::kRemote, {0, 0, 0, 0})) == FrameKind::kWrongFormat);
 
   const FrameCodec floats(float_layout());
   CHECK(kind_of(floats, frame_of(16, CanFrame::kFd, std::vector<std::uint8_t>(8))) ==
-        Kind::kWrongFormat);
-  CHECK(kind_of(floats, frame_of(16, 0, std::vector<std::uint8_t>(8))) == Kind::kWrongFormat);
+        FrameKind::kWrongFormat);
+  CHECK(kind_of(floats, frame_of(16, 0, std::vector<std::uint8_t>(8))) == FrameKind::kWrongFormat);
 }
 
 TEST_CASE("NaN and infinity in any signal are refused") {
   const FrameCodec codec(float_layout());
   const double infinity = std::numeric_limits<double>::infinity();
   for (const double bad : {std::nan(""), infinity, -infinity}) {
-    CHECK(kind_of(codec, codec.encode(0, std::vector<double>{bad, 1.0}, 1)) == Kind::kNonFinite);
-    CHECK(kind_of(codec, codec.encode(0, std::vector<double>{1.0, bad}, 1)) == Kind::kNonFinite);
+    CHECK(kind_of(codec, codec.encode(0, std::vector<double>{bad, 1.0}, 1)) ==
+          FrameKind::kNonFinite);
+    CHECK(kind_of(codec, codec.encode(0, std::vector<double>{1.0, bad}, 1)) ==
+          FrameKind::kNonFinite);
   }
   CHECK(kind_of(codec, codec.encode(0, std::vector<double>{1.0, 1e39}, 1)) ==
-        Kind::kReading);  // saturated
+        FrameKind::kReading);  // saturated
 }
 
 TEST_CASE("counters and ticks count modulo their width") {
@@ -137,7 +139,7 @@ TEST_CASE("what was encoded is decoded, for every source") {
     for (const double bit : {0.0, 1.0}) {
       std::vector<double> values;
       const auto decoded = codec.decode(codec.encode(source, std::vector<double>{bit}, 41), values);
-      CHECK(decoded.kind == Kind::kReading);
+      CHECK(decoded.kind == FrameKind::kReading);
       CHECK(decoded.packet.source == source);
       CHECK(values == std::vector<double>{bit});
     }
@@ -158,9 +160,9 @@ TEST_CASE("a multiplexed reading counts only while its signals are selected") {
   const FrameCodec codec(layout);
   CHECK(codec.encode(0, std::vector<double>{9.0, 8.0}, 1)
             .same_on_wire(frame_of(1, 0, {0x03, 9, 8, 0})));
-  CHECK(kind_of(codec, frame_of(1, 0, {0xF3, 9, 8, 0})) == Kind::kReading);
-  CHECK(kind_of(codec, frame_of(1, 0, {0x02, 9, 8, 0})) == Kind::kWrongFormat);
-  CHECK(kind_of(codec, frame_of(1, 0, {0x04, 9, 8, 0})) == Kind::kWrongFormat);
+  CHECK(kind_of(codec, frame_of(1, 0, {0xF3, 9, 8, 0})) == FrameKind::kReading);
+  CHECK(kind_of(codec, frame_of(1, 0, {0x02, 9, 8, 0})) == FrameKind::kWrongFormat);
+  CHECK(kind_of(codec, frame_of(1, 0, {0x04, 9, 8, 0})) == FrameKind::kWrongFormat);
   layout.signals = {"A", "C"};
   CHECK_THROWS_AS(FrameCodec(layout), UsageError);
 }

@@ -14,10 +14,10 @@ using Packets = InteractingMultipleModelOptions::Packets;
 
 namespace {
 
-InteractingMultipleModelOptions options_of(Packets packets) {
+InteractingMultipleModelOptions two_mode_options(Packets packets) {
   InteractingMultipleModelOptions options;
-  options.start = {{1.0, -1.0, 0.5}, {0.7}, {}};
-  options.attack_prior = {{1.0, -1.0}, {3.0}, {}};
+  options.start = kStartOptions;
+  options.attack_prior = kPriorOptions;
   options.start_attack_probability = 0.3;
   options.birth_probability = 0.2;
   options.survival_probability = 0.7;
@@ -25,13 +25,6 @@ InteractingMultipleModelOptions options_of(Packets packets) {
   options.delivery_probability = 0.9;
   options.packet_box = {std::vector<double>(4, -10.0), std::vector<double>(4, 10.0)};
   return options;
-}
-
-const Gaussian kStart = options_of(Packets::kAll).start.gaussian(3);
-const Gaussian kPrior = options_of(Packets::kAll).attack_prior.gaussian(2);
-
-MeasurementSet set_at(const Path& path, int k) {
-  return set_of(k, path.y[static_cast<std::size_t>(k - 1)], kOneSource);
 }
 
 Gaussian moments(const std::vector<double>& weights, const std::vector<Gaussian>& components) {
@@ -51,7 +44,7 @@ TEST_CASE("a mode that cannot end is the filter of that mode") {
     for (const bool is_direct : {true, false}) {
       const SystemModel model = small_model(is_direct);
       const Path path(model, kStart, kPrior, std::vector<bool>(6, true), 0);
-      auto options = options_of(packets);
+      auto options = two_mode_options(packets);
       options.delivery_probability = packets == Packets::kChoice ? 0.9 : 1.0;
       options.start_attack_probability = options.birth_probability = 0.0;
       InteractingMultipleModel never(model, options, kOneSource);
@@ -85,7 +78,7 @@ TEST_CASE("a mode that cannot end is the filter of that mode") {
 TEST_CASE("without attack modes the packets' mixture is probabilistic data association") {
   const SystemModel model = small_model(true);
   const Path path(model, kStart, kPrior, std::vector<bool>(5, false), 4);
-  auto options = options_of(Packets::kAll);
+  auto options = two_mode_options(Packets::kAll);
   options.start_attack_probability = options.birth_probability = 0.0;
   InteractingMultipleModel filter(model, options, kOneSource);
   ProbabilisticDataAssociationOptions pda_options;
@@ -110,7 +103,7 @@ TEST_CASE(
   for (const bool is_direct : {true, false}) {
     const SystemModel model = small_model(is_direct);
     const Path path(model, kStart, kPrior, {true, true}, 2);
-    InteractingMultipleModel filter(model, options_of(Packets::kChoice), kOneSource);
+    InteractingMultipleModel filter(model, two_mode_options(Packets::kChoice), kOneSource);
     // Delayed: what happened before step 1 leaves no trace, so both modes are alike there.
     const std::vector<bool> attack_at_1 = {is_direct, false};
     const std::vector<std::vector<bool>> modes = {{false, false}, {is_direct, false}};
@@ -169,7 +162,7 @@ TEST_CASE("all packets weigh the modes by the injection likelihood") {
     likelihoods.push_back(0.1 + 0.45 * 160000.0 * densities);  // volume 20^4
   }
   const double total = 0.7 * likelihoods[0] + 0.3 * likelihoods[1];
-  InteractingMultipleModel filter(model, options_of(Packets::kAll), kOneSource);
+  InteractingMultipleModel filter(model, two_mode_options(Packets::kAll), kOneSource);
   const Estimate& estimate = filter.step(1, set, kNoInput);
   CHECK(estimate.attack_probability == Approx(0.3 * likelihoods[1] / total).epsilon(1e-11));
   CHECK(estimate.packet_probability.at(0) ==
@@ -183,7 +176,7 @@ TEST_CASE("the mode probability tells an attack from none") {
     for (std::size_t i = 20; i < 40; ++i) attacked[i] = true;
     const Gaussian strong{Eigen::Vector2d(4.0, -4.0), 0.01 * Eigen::Matrix2d::Identity()};
     const Path path(model, kStart, strong, attacked, 1);
-    InteractingMultipleModel filter(model, options_of(packets), kOneSource);
+    InteractingMultipleModel filter(model, two_mode_options(packets), kOneSource);
     double before = 0.0, after = 0.0;
     for (int k = 1; k <= 40; ++k) {
       const double r = filter.step(k, set_at(path, k), kNoInput).attack_probability;
@@ -198,7 +191,7 @@ TEST_CASE("the mode probability tells an attack from none") {
 
 TEST_CASE("two modes without a box, or with what is no probability, are refused") {
   const SystemModel model = small_model(true);
-  auto options = options_of(Packets::kAll);
+  auto options = two_mode_options(Packets::kAll);
   options.packet_box = {};
   CHECK_THROWS_AS(InteractingMultipleModel(model, options, kOneSource), UsageError);
   options.packets = Packets::kChoice;

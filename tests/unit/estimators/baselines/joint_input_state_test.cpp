@@ -12,19 +12,12 @@ using namespace holdfast::testing;
 
 namespace {
 
-JointInputStateOptions options_of(double prior_std = 3.0, double prior_mean = 1.0) {
+JointInputStateOptions joint_options(double prior_std = 3.0, double prior_mean = 1.0) {
   JointInputStateOptions options;
-  options.start = {{1.0, -1.0, 0.5}, {0.7}, {}};
+  options.start = kStartOptions;
   options.attack_prior = {{prior_mean, -prior_mean}, {prior_std}, {}};
   options.vector.packet = PacketRule::kFirst;
   return options;
-}
-
-const Gaussian kStart = options_of().start.gaussian(3),
-               kPrior = options_of().attack_prior.gaussian(2);
-
-MeasurementSet set_at(const Path& path, int k, const Rows& rows = kOneSource) {
-  return set_of(k, path.y[static_cast<std::size_t>(k - 1)], rows);
 }
 
 }  // namespace
@@ -35,7 +28,7 @@ TEST_CASE("the joint filter is the conditional Gaussian of state and input") {
     const std::vector<bool> attacked(7, true);
     const Path path(model, kStart, kPrior, attacked, 1);
     for (const SystemModel& variant : {model, as_functions(model)}) {
-      JointInputState filter(variant, options_of(), kTwoSources);
+      JointInputState filter(variant, joint_options(), kTwoSources);
       Batch batch(model, kStart, kPrior, attacked);
       for (int k = 1; k <= 7; ++k) {
         MeasurementSet set = empty_set(k);
@@ -62,9 +55,9 @@ TEST_CASE("with a prior that says no attack the joint filter is the Kalman filte
   for (const bool is_direct : {true, false}) {
     const SystemModel model = small_model(is_direct);
     const Path path(model, kStart, kPrior, std::vector<bool>(6, true), 2);
-    JointInputState joint(model, options_of(1e-9, 0.0), kOneSource);
+    JointInputState joint(model, joint_options(1e-9, 0.0), kOneSource);
     KalmanFilterOptions options;
-    options.start = options_of().start;
+    options.start = joint_options().start;
     KalmanFilter kalman(model, options, kOneSource);
     for (int k = 1; k <= 6; ++k) {
       const Estimate& wanted = kalman.step(k, set_at(path, k), kNoInput);
@@ -83,7 +76,7 @@ TEST_CASE("the joint filter's errors have its covariance; with a prior four time
       for (int run = 0; run < runs; ++run) {
         const Path path(model, kStart, kPrior, std::vector<bool>(steps, true),
                         static_cast<std::uint32_t>(run));
-        JointInputState filter(model, options_of(prior_std), kOneSource);
+        JointInputState filter(model, joint_options(prior_std), kOneSource);
         for (int k = 1; k < steps; ++k) filter.step(k, set_at(path, k), kNoInput);
         // The last packet is lost: what is left is the prior's honesty.
         const Estimate& estimate = filter.step(steps, empty_set(steps), kNoInput);
@@ -108,7 +101,7 @@ TEST_CASE("the joint filter's score: uniform without attack, the prior's pull ta
     for (const bool is_attacked : {false, true}) {
       const Path path(model, kStart, {Eigen::Vector2d(6.0, -5.0), Eigen::Matrix2d::Identity()},
                       {is_attacked}, static_cast<std::uint32_t>(run));
-      JointInputState filter(model, options_of(1e4, 500.0), kOneSource);
+      JointInputState filter(model, joint_options(1e4, 500.0), kOneSource);
       const double score = filter.step(1, set_at(path, 1), kNoInput).attack_probability;
       (is_attacked ? sum_attacked : sum) += score;
     }
@@ -116,14 +109,14 @@ TEST_CASE("the joint filter's score: uniform without attack, the prior's pull ta
   CHECK(sum / runs == Approx(0.5).margin(4.0 / std::sqrt(12.0 * runs)));
   CHECK(sum_attacked / runs > 0.999);
   // No data, no score: the last one stands.
-  JointInputState silent(model, options_of(1.0, 50.0), kOneSource);
+  JointInputState silent(model, joint_options(1.0, 50.0), kOneSource);
   CHECK(silent.step(1, empty_set(1), kNoInput).attack_probability == 0.0);
 }
 
 TEST_CASE("a joint filter without a proper prior of the attack is refused") {
   const SystemModel model = small_model(true);
-  CHECK_THROWS_AS(JointInputState(model, options_of(0.0), kOneSource), UsageError);
-  JointInputStateOptions options = options_of();
+  CHECK_THROWS_AS(JointInputState(model, joint_options(0.0), kOneSource), UsageError);
+  JointInputStateOptions options = joint_options();
   options.attack_prior.mean = {1.0};
   CHECK_THROWS_AS(JointInputState(model, options, kOneSource), UsageError);
 }

@@ -12,14 +12,12 @@ using namespace holdfast::testing;
 
 namespace {
 
-KalmanFilterOptions options_of(PacketRule rule = PacketRule::kFirst, double gate = 1.0) {
+KalmanFilterOptions kalman_options(PacketRule rule = PacketRule::kFirst, double gate = 1.0) {
   KalmanFilterOptions options;
-  options.start = {{1.0, -1.0, 0.5}, {0.7}, {}};
+  options.start = kStartOptions;
   options.vector = {rule, gate};
   return options;
 }
-
-const Gaussian kStart = options_of().start.gaussian(3);
 
 }  // namespace
 
@@ -28,7 +26,7 @@ TEST_CASE("the Kalman filter is the conditional Gaussian of all readings") {
   const std::vector<bool> attacked(8, false);
   const Path path(model, kStart, centred(Eigen::MatrixXd::Identity(2, 2)), attacked, 0);
   for (const SystemModel& variant : {model, as_functions(model)}) {
-    KalmanFilter filter(variant, options_of(), kTwoSources);
+    KalmanFilter filter(variant, kalman_options(), kTwoSources);
     Batch batch(model, kStart, centred(Eigen::MatrixXd::Identity(2, 2)), attacked);
     for (int k = 1; k <= 8; ++k) {
       // Both sources, the second alone, none, the first alone, and so on.
@@ -60,7 +58,7 @@ TEST_CASE(
     for (int run = 0; run < runs; ++run) {
       const Path path(model, kStart, centred(Eigen::MatrixXd::Identity(2, 2)),
                       std::vector<bool>(10, false), static_cast<std::uint32_t>(run));
-      KalmanFilter filter(belief, options_of(), kOneSource);
+      KalmanFilter filter(belief, kalman_options(), kOneSource);
       for (int k = 1; k <= 10; ++k) {
         const Estimate& estimate = filter.step(
             k, set_of(k, path.y[static_cast<std::size_t>(k - 1)], kOneSource), kNoInput);
@@ -85,7 +83,7 @@ TEST_CASE("the Kalman filter's score is uniform without attack and one under a s
   for (int run = 0; run < runs; ++run) {
     for (const bool is_attacked : {false, true}) {
       const Path path(model, kStart, prior, {false, is_attacked}, static_cast<std::uint32_t>(run));
-      KalmanFilter filter(model, options_of(), kOneSource);
+      KalmanFilter filter(model, kalman_options(), kOneSource);
       filter.step(1, set_of(1, path.y[0], kOneSource), kNoInput);
       const double score =
           filter.step(2, set_of(2, path.y[1], kOneSource), kNoInput).attack_probability;
@@ -104,7 +102,7 @@ TEST_CASE("a vector is chosen by its rule") {
   const Eigen::Vector4d near(1.1, -1.0, 0.6, 1.0), far(9.0, 9.0, 9.0, 9.0),
       farther(-20.0, 0.0, 3.0, 4.0);
   const auto estimate_of = [&](PacketRule rule, double gate, const MeasurementSet& set) {
-    KalmanFilter filter(model, options_of(rule, gate), kOneSource);
+    KalmanFilter filter(model, kalman_options(rule, gate), kOneSource);
     return filter.step(1, set, kNoInput);
   };
   const auto alone = [&](const Eigen::Vector4d& y) {
@@ -138,7 +136,7 @@ TEST_CASE("the gate lets in what its probability says") {
   for (int run = 0; run < runs; ++run) {
     const Path path(model, kStart, centred(Eigen::MatrixXd::Identity(2, 2)), {false},
                     static_cast<std::uint32_t>(run));
-    KalmanFilter filter(model, options_of(PacketRule::kNearest, 0.9), kOneSource);
+    KalmanFilter filter(model, kalman_options(PacketRule::kNearest, 0.9), kOneSource);
     num_in += filter.step(1, set_of(1, path.y[0], kOneSource), kNoInput).innovation.size() > 0;
   }
   CHECK(num_in == Approx(0.9 * runs).margin(4.0 * std::sqrt(0.09 * runs)));
@@ -172,17 +170,17 @@ TEST_CASE("a Kalman filter that does not fit its model is refused") {
   const auto refused = [&](const KalmanFilterOptions& options, const Rows& rows) {
     CHECK_THROWS_AS(KalmanFilter(model, options, rows), UsageError);
   };
-  refused(options_of(), {{0, 1}, {1, 2}});
-  refused(options_of(), {{0, 4}});
-  refused(options_of(), {{}});
-  refused(options_of(PacketRule::kFirst, 0.0), kOneSource);
-  KalmanFilterOptions options = options_of();
+  refused(kalman_options(), {{0, 1}, {1, 2}});
+  refused(kalman_options(), {{0, 4}});
+  refused(kalman_options(), {{}});
+  refused(kalman_options(PacketRule::kFirst, 0.0), kOneSource);
+  KalmanFilterOptions options = kalman_options();
   options.start.mean = {1.0};
   refused(options, kOneSource);
-  options = options_of();
+  options = kalman_options();
   options.start.covariance = {{1.0, 2.0, 0.0}, {2.0, 1.0, 0.0}, {0.0, 0.0, 1.0}};
   refused(options, kOneSource);
   SystemModel wrong = model;
   wrong.R.setZero();
-  CHECK_THROWS_AS(KalmanFilter(wrong, options_of(), kOneSource), UsageError);
+  CHECK_THROWS_AS(KalmanFilter(wrong, kalman_options(), kOneSource), UsageError);
 }

@@ -11,15 +11,14 @@ using namespace holdfast::testing;
 
 namespace {
 
-ProbabilisticDataAssociationOptions options_of(double pd) {
+ProbabilisticDataAssociationOptions association_options(double pd) {
   ProbabilisticDataAssociationOptions options;
-  options.start = {{1.0, -1.0, 0.5}, {0.7}, {}};
+  options.start = kStartOptions;
   options.delivery_probability = pd;
   options.packet_box = {{-5.0, -6.0, -7.0, -8.0}, {5.0, 6.0, 7.0, 8.0}};
   return options;
 }
 
-const Gaussian kStart = options_of(1.0).start.gaussian(3);
 const double kVolume = 10.0 * 12.0 * 14.0 * 16.0;
 
 Path path_of(const SystemModel& model, int steps, std::uint32_t run) {
@@ -33,10 +32,10 @@ TEST_CASE("data association without clutter and with one packet is the Kalman fi
   const SystemModel model = small_model(true);
   const Path path = path_of(model, 6, 0);
   KalmanFilterOptions options;
-  options.start = options_of(1.0).start;
+  options.start = association_options(1.0).start;
   KalmanFilter kalman(model, options, kOneSource);
-  ProbabilisticDataAssociation sure(model, options_of(1.0), kOneSource);
-  ProbabilisticDataAssociation doubting(model, options_of(0.9), kOneSource);
+  ProbabilisticDataAssociation sure(model, association_options(1.0), kOneSource);
+  ProbabilisticDataAssociation doubting(model, association_options(0.9), kOneSource);
   double doubt = 0.0;
   for (int k = 1; k <= 6; ++k) {
     const MeasurementSet set = k == 3 ? empty_set(k) : set_of(k, path.y[k - 1], kOneSource);
@@ -79,7 +78,7 @@ TEST_CASE("data association has the moments of the mixture over which packet is 
     const Eigen::VectorXd off = components[i].mean - wanted.mean;
     wanted.covariance += weights[i] / sum * (components[i].covariance + off * off.transpose());
   }
-  ProbabilisticDataAssociation filter(model, options_of(pd), kOneSource);
+  ProbabilisticDataAssociation filter(model, association_options(pd), kOneSource);
   const Estimate& estimate = filter.step(1, set, kNoInput);
   CHECK(difference(estimate, wanted) < 1e-12);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -95,7 +94,7 @@ TEST_CASE("packets that cannot be the plant's leave the prediction and raise the
   for (int i = 0; i < 500; ++i) {
     add_packet(set, 0, {1e6 + i, -1e9, 1e99, 3.0});
   }
-  ProbabilisticDataAssociation filter(model, options_of(0.9), kOneSource);
+  ProbabilisticDataAssociation filter(model, association_options(0.9), kOneSource);
   const Estimate& estimate = filter.step(1, set, kNoInput);
   CHECK(estimate.mean == kStart.mean);
   CHECK(difference(estimate.covariance, kStart.covariance) < 1e-15);
@@ -108,12 +107,12 @@ TEST_CASE("with fakes in the box data association keeps the state, the packets' 
   const int steps = 60;
   const Path path = path_of(model, steps, 7);
   KalmanFilterOptions options;
-  options.start = options_of(0.95).start;
+  options.start = association_options(0.95).start;
   options.vector.packet = PacketRule::kMean;
   KalmanFilter kalman(model, options, kOneSource);
-  ProbabilisticDataAssociation filter(model, options_of(0.95), kOneSource);
+  ProbabilisticDataAssociation filter(model, association_options(0.95), kOneSource);
   const RandomStream stream(5, 0, "test/fakes");
-  const auto box = options_of(0.95).packet_box;
+  const auto box = association_options(0.95).packet_box;
   double error = 0.0, kalman_error = 0.0;
   for (int k = 1; k <= steps; ++k) {
     MeasurementSet set = set_of(k, path.y[k - 1], kOneSource);
@@ -136,12 +135,12 @@ TEST_CASE("two sources are each one's own association") {
   const SystemModel model = small_model(true);
   const Path path = path_of(model, 1, 3);
   // Without correlation between the two sources' noises the order cannot matter for pd = 1.
-  ProbabilisticDataAssociation filter(model, options_of(1.0), kTwoSources);
+  ProbabilisticDataAssociation filter(model, association_options(1.0), kTwoSources);
   Batch batch(model, kStart, centred(Eigen::Matrix2d::Identity()), {false});
   batch.observe(1, kOneSource[0], path.y[0]);
   SystemModel uncorrelated = model;
   uncorrelated.R(1, 3) = uncorrelated.R(3, 1) = 0.0;
-  ProbabilisticDataAssociation two(uncorrelated, options_of(1.0), kTwoSources);
+  ProbabilisticDataAssociation two(uncorrelated, association_options(1.0), kTwoSources);
   Batch one(uncorrelated, kStart, centred(Eigen::Matrix2d::Identity()), {false});
   one.observe(1, kOneSource[0], path.y[0]);
   CHECK(difference(two.step(1, set_of(1, path.y[0], kTwoSources), kNoInput), one.posterior(1)) <
@@ -152,9 +151,9 @@ TEST_CASE("two sources are each one's own association") {
 
 TEST_CASE("a box without volume or a delivery that never happens is refused") {
   const SystemModel model = small_model(true);
-  auto options = options_of(0.0);
+  auto options = association_options(0.0);
   CHECK_THROWS_AS(ProbabilisticDataAssociation(model, options, kOneSource), UsageError);
-  options = options_of(0.9);
+  options = association_options(0.9);
   options.packet_box.high[2] = options.packet_box.low[2];
   CHECK_THROWS_AS(ProbabilisticDataAssociation(model, options, kOneSource), UsageError);
   options.packet_box = {};

@@ -10,7 +10,7 @@ using testing::relative_difference;
 using testing::statistics_of;
 using testing::vector_of;
 
-constexpr double kTolerance = 1e-10;
+constexpr double kMomentTolerance = 1e-10;
 
 void check_moments(const nlohmann::json& entry) {
   INFO(entry.at("name").get<std::string>());
@@ -30,21 +30,23 @@ void check_moments(const nlohmann::json& entry) {
   observe_linear(H, belief, observation);
   ReadingBelief<Eigen::Dynamic> reading;
   regress_reading(observation, R, sized, RegressionMoments::kExact, reading);
-  CHECK(relative_difference(reading.mean, vector_of(entry.at("yhat"))) < kTolerance);
-  CHECK(relative_difference(reading.S, matrix_of(entry.at("Pyy"))) < kTolerance);
+  CHECK(relative_difference(reading.mean, vector_of(entry.at("yhat"))) < kMomentTolerance);
+  CHECK(relative_difference(reading.S, matrix_of(entry.at("Pyy"))) < kMomentTolerance);
   CHECK(relative_difference(reading.c * observation.Pxh.transpose(), matrix_of(entry.at("Pyx"))) <
-        kTolerance);
-  CHECK(relative_difference(reading.c * observation.J, matrix_of(entry.at("H_plus"))) < kTolerance);
+        kMomentTolerance);
+  CHECK(relative_difference(reading.c * observation.J, matrix_of(entry.at("H_plus"))) <
+        kMomentTolerance);
   const Eigen::VectorXd offset = reading.mean - reading.c * observation.J * belief.mean;
   const double scale_of_y = std::max(1.0, reading.mean.cwiseAbs().maxCoeff());
-  CHECK((offset - vector_of(entry.at("b_plus"))).cwiseAbs().maxCoeff() < kTolerance * scale_of_y);
+  CHECK((offset - vector_of(entry.at("b_plus"))).cwiseAbs().maxCoeff() <
+        kMomentTolerance * scale_of_y);
   // Omega is the difference of S and c^2 Phh there, so that its rounding is S's.
   const double scale_of_S = std::max(1e-300, reading.S.cwiseAbs().maxCoeff());
   CHECK((reading.Omega - matrix_of(entry.at("Omega"))).cwiseAbs().maxCoeff() <
-        kTolerance * scale_of_S);
+        kMomentTolerance * scale_of_S);
 
   regress_reading(observation, R, sized, RegressionMoments::kPaper, reading);
-  CHECK(relative_difference(reading.S, matrix_of(entry.at("paper").at("Pyy"))) < kTolerance);
+  CHECK(relative_difference(reading.S, matrix_of(entry.at("paper").at("Pyy"))) < kMomentTolerance);
 }
 
 TEST_CASE("moments of the attacked reading: 22 systems") {
@@ -72,16 +74,16 @@ TEST_CASE("moments of a radar's reading, three ways through the nonlinear functi
       SizedModel<4, 2> sized_model(model, linearisation);
       Observation<4, 2> observation;
       sized_model.observe(belief, observation);
-      CHECK(relative_difference(observation.h, vector_of(wanted.at("h_mean"))) < kTolerance);
-      CHECK(relative_difference(observation.Phh, matrix_of(wanted.at("Phh"))) < kTolerance);
+      CHECK(relative_difference(observation.h, vector_of(wanted.at("h_mean"))) < kMomentTolerance);
+      CHECK(relative_difference(observation.Phh, matrix_of(wanted.at("Phh"))) < kMomentTolerance);
       CHECK(relative_difference(observation.Pxh.transpose(), matrix_of(wanted.at("Phx"))) <
-            kTolerance);
+            kMomentTolerance);
       ReadingBelief<2> reading;
       regress_reading(observation, sized_model.R(), sized, RegressionMoments::kExact, reading);
-      CHECK(relative_difference(reading.mean, vector_of(wanted.at("yhat"))) < kTolerance);
-      CHECK(relative_difference(reading.S, matrix_of(wanted.at("Pyy"))) < kTolerance);
+      CHECK(relative_difference(reading.mean, vector_of(wanted.at("yhat"))) < kMomentTolerance);
+      CHECK(relative_difference(reading.S, matrix_of(wanted.at("Pyy"))) < kMomentTolerance);
       CHECK(relative_difference(reading.c * observation.Pxh.transpose(),
-                                matrix_of(wanted.at("Pyx"))) < kTolerance);
+                                matrix_of(wanted.at("Pyx"))) < kMomentTolerance);
     }
   }
 }

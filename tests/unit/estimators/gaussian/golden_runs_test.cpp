@@ -14,7 +14,7 @@ using testing::statistics_of;
 using testing::update_by;
 using testing::vector_of;
 
-constexpr double kTolerance = 1e-10;
+constexpr double kRunTolerance = 1e-10;
 
 // One parameter set per step; a file that has one only means it for all.
 using ThetaOfStep = std::function<const nlohmann::json&(std::size_t)>;
@@ -63,7 +63,7 @@ void check_run(const nlohmann::json& wanted, const std::vector<SmoothingStep<N>>
   const auto check = [&wanted](const char* key, const auto& value) {
     if (!wanted.contains(key)) return;
     INFO(key);
-    CHECK(largest_difference(wanted, key, value) < kTolerance);
+    CHECK(largest_difference(wanted, key, value) < kRunTolerance);
   };
   check("x_pred", [&](std::size_t k) -> Eigen::MatrixXd { return steps[k].predicted.mean; });
   check("P_pred", [&](std::size_t k) -> Eigen::MatrixXd { return steps[k].predicted.covariance; });
@@ -73,7 +73,7 @@ void check_run(const nlohmann::json& wanted, const std::vector<SmoothingStep<N>>
   check("P_smooth", [&](std::size_t k) -> Eigen::MatrixXd { return smoothed[k].covariance; });
   if (wanted.contains("P_filt_last")) {
     CHECK(relative_difference(steps.back().filtered.covariance,
-                              matrix_of(wanted.at("P_filt_last"))) < kTolerance);
+                              matrix_of(wanted.at("P_filt_last"))) < kRunTolerance);
   }
 }
 

@@ -68,7 +68,7 @@ double probability_below(const GaussianMixture& mixture, double x) {
   return sum;
 }
 
-void reduce(HybridBernoulliOptions& options) {
+void reduce_little(HybridBernoulliOptions& options) {
   options.prune_below = 1e-5;
   options.merge_below = 1e-2;
   options.components_max = 30;
@@ -86,7 +86,7 @@ Calibration calibrate(const Setting& setting, const LawCase& belief) {
     options.correction = setting.correction == kInjection
                              ? HybridBernoulliOptions::Correction::kInjection
                              : HybridBernoulliOptions::Correction::kSubstitution;
-    reduce(options);
+    reduce_little(options);
   };
   for (std::uint32_t run = 0; run < setting.num_runs; ++run) {
     const LawRun data = simulate(setting.law, run, kNumSteps, setting.correction, kMostPackets);
@@ -193,7 +193,7 @@ TEST_CASE("an estimated delivery probability is calibrated") {
     for (std::uint64_t i = 0; i < 5; ++i) draws.push_back(chance.uniform(0, i));
     std::sort(draws.begin(), draws.end());
     law.pd = draws[3];
-    FilterRoute filter(belief, reduce);
+    FilterRoute filter(belief, reduce_little);
     for (const LawStep& step : simulate(law, run, kNumSteps, kInjection, kMostPackets).steps) {
       filter.step(step);
     }

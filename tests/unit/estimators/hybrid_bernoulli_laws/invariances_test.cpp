@@ -15,7 +15,7 @@ using namespace holdfast::testing;
 namespace {
 
 // Reduction as scenarios use it.
-void reduce(HybridBernoulliOptions& options) {
+void reduce_much(HybridBernoulliOptions& options) {
   options.prune_below = 1e-4;
   options.merge_below = 0.5;
   options.components_max = 30;
@@ -80,7 +80,8 @@ TEST_CASE("units of x, y and a do not matter") {
   const Eigen::Vector3d x(1e3, 0.02, 5.0), y(1e-3, 40.0, 7.0);
   const Eigen::Vector2d a(1e2, 0.3);
   const LawCase scaled = in_units(law, x, y, a);
-  FilterRoute filter(law, reduce), other(scaled, reduce);  // the correction is that of the steps
+  FilterRoute filter(law, reduce_much),
+      other(scaled, reduce_much);  // the correction is that of the steps
   Eigen::VectorXd z(5);
   z << x, a;
   for (std::size_t k = 0; k < law.steps.size(); ++k) {
@@ -113,7 +114,7 @@ TEST_CASE("packets out of the box: constant, floor and zero mean what they say")
 
 TEST_CASE("five hundred packets in a step") {
   LawCase law = random_case(4, 3, 2, 3, true, kInjection, {2, 500, 500, 1});
-  FilterRoute filter(law, reduce), other(law, reduce);
+  FilterRoute filter(law, reduce_much), other(law, reduce_much);
   for (const LawStep& step : law.steps) {
     const LawPosterior one = filter.step(step);
     const LawPosterior two = other.step(reversed(step));

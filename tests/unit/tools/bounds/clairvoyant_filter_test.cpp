@@ -13,16 +13,13 @@ namespace {
 
 ClairvoyantFilterOptions options_of() {
   ClairvoyantFilterOptions options;
-  options.start = {{1.0, -1.0, 0.5}, {0.7}, {}};
-  options.attack_prior = {{1.0, -1.0}, {3.0}, {}};
+  options.start = kStartOptions;
+  options.attack_prior = kPriorOptions;
   return options;
 }
 
-const Gaussian kStart = options_of().start.gaussian(3);
-const Gaussian kPrior = options_of().attack_prior.gaussian(2);
-
-MeasurementSet set_at(const Path& path, int k) {
-  return k % 4 == 0 ? empty_set(k) : set_of(k, path.y[static_cast<std::size_t>(k - 1)], kOneSource);
+MeasurementSet three_of_four(const Path& path, int k) {
+  return k % 4 == 0 ? empty_set(k) : set_at(path, k);
 }
 
 }  // namespace
@@ -77,11 +74,11 @@ TEST_CASE("told of no attack it is the Kalman filter, told of one for ever the j
     joint_options.attack_prior = options_of().attack_prior;
     JointInputState joint(model, joint_options, kOneSource);
     for (int k = 1; k <= 7; ++k) {
-      const Estimate& kalman_says = kalman.step(k, set_at(path, k), kNoInput);
-      CHECK(difference(calm.step(k, set_at(path, k), kNoInput),
+      const Estimate& kalman_says = kalman.step(k, three_of_four(path, k), kNoInput);
+      CHECK(difference(calm.step(k, three_of_four(path, k), kNoInput),
                        {kalman_says.mean, kalman_says.covariance}) < 1e-13);
-      const Estimate& joint_says = joint.step(k, set_at(path, k), kNoInput);
-      const Estimate& alarmed_says = alarmed.step(k, set_at(path, k), kNoInput);
+      const Estimate& joint_says = joint.step(k, three_of_four(path, k), kNoInput);
+      const Estimate& alarmed_says = alarmed.step(k, three_of_four(path, k), kNoInput);
       CHECK(difference(alarmed_says, {joint_says.mean, joint_says.covariance}) < 1e-13);
       if (is_direct || k > 1) {
         CHECK(difference(alarmed_says.input_mean, joint_says.input_mean) < 1e-13);

@@ -6,6 +6,7 @@
 
 #include "tests/support/catch.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/unit/tools/experiment/scenario_texts.h"
 #include "tools/campaign/campaign_figures.h"
 #include "tools/campaign/campaign_summary.h"
 #include "tools/campaign/campaign_table.h"
@@ -16,13 +17,11 @@
 namespace holdfast {
 namespace {
 
-const std::string kScenario = std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml";
-
 CampaignPlan small_plan(std::vector<std::string> overrides = {}, const Sweep& sweep = {}) {
   overrides.insert(overrides.begin(),
                    {"steps=15", "estimators.secure.particles=100",
                     "estimators.neglect.particles=100", "estimators.uncorrupted.particles=100"});
-  CampaignPlan plan = load_campaign_plan(kScenario, overrides, sweep);
+  CampaignPlan plan = load_campaign_plan(testing::scenario("binary_tracking"), overrides, sweep);
   plan.num_runs = 12;
   return plan;
 }
@@ -169,7 +168,7 @@ TEST_CASE("a results file takes no other campaign, and no other result for a run
   }
   CHECK_THROWS_AS(CampaignStore(file, small_plan({"plant.attack.dos=0.3"})), UsageError);
   CHECK_NOTHROW(CampaignStore(file, plan));
-  CHECK_THROWS_AS(CampaignStore(kScenario), UsageError);
+  CHECK_THROWS_AS(CampaignStore(testing::scenario("binary_tracking")), UsageError);
   CHECK_THROWS_AS(CampaignStore(folder.file("missing")), UsageError);
 }
 

@@ -1,30 +1,18 @@
 #include "tools/experiment.h"
 
 #include "tests/support/catch.h"
+#include "tests/support/texts.h"
+#include "tests/unit/tools/experiment/scenario_texts.h"
 #include "tools/simulation.h"
 
 namespace holdfast {
+
+using namespace testing;
+
 namespace {
-
-std::string scenario(const std::string& name) {
-  return std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/" + name + ".yaml";
-}
-
-std::string problems_of(const std::vector<std::string>& overrides) {
-  try {
-    load_experiment(scenario("binary_tracking"), overrides);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "";
-}
 
 const SecureParticleFilterMaker& maker_of(const Experiment& experiment, const std::string& name) {
   return *experiment.estimator(name).make.target<SecureParticleFilterMaker>();
-}
-
-bool mentions(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
 }
 
 }  // namespace
@@ -70,9 +58,10 @@ TEST_CASE("two flips of one sensor cancel each other") {
 }
 
 TEST_CASE("a flip that acts only at times is not tied to a belief without a word") {
-  const std::string text = problems_of({"attacks.flip.window={first_step: 50}"});
+  const std::string text = problems_of("binary_tracking", {"attacks.flip.window={first_step: 50}"});
   CHECK(mentions(text, "acts only at times"));
-  CHECK(problems_of({"attacks.flip.window={first_step: 50}", "estimators.secure.assumes.flip=0.1"})
+  CHECK(problems_of("binary_tracking",
+                    {"attacks.flip.window={first_step: 50}", "estimators.secure.assumes.flip=0.1"})
             .empty());
 }
 
@@ -96,7 +85,8 @@ TEST_CASE("probabilities may differ between sensors") {
       load_experiment(scenario("binary_tracking"), {"plant.attack.dos=" + list});
   CHECK(experiment.plant.binary_target()->options.attack.dos[0] == 1.0);
   CHECK(experiment.plant.binary_target()->options.attack.dos[1] == 0.0);
-  CHECK(mentions(problems_of({"plant.attack.dos=[0.1, 0.2]"}), "2 numbers, must be 16"));
+  CHECK(mentions(problems_of("binary_tracking", {"plant.attack.dos=[0.1, 0.2]"}),
+                 "2 numbers, must be 16"));
 }
 
 TEST_CASE("an estimator may believe another model than the plant's") {
@@ -118,6 +108,7 @@ TEST_CASE("the resolved model holds its matrices as numbers") {
   CHECK(matrices["Q"][0][2].as<double>() == 0.0);
   CHECK(mentions(
       problems_of(
+          "binary_tracking",
           {"plant.model.matrices.F=[[1, 9, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1], [0, 0, 0, 1]]"}),
       "follows from step_s"));
 }
@@ -139,35 +130,40 @@ TEST_CASE("the kernels of the estimators are told as they are") {
 TEST_CASE("a clock of the driver's own goes without the sensors' counters") {
   CHECK_FALSE(load_experiment(scenario("binary_tracking"), {"network.close_step=clock"})
                   .assembler.check_counter);
-  CHECK(mentions(problems_of({"network.close_step=clock", "network.counter_check=match"}),
-                 "own clock"));
+  CHECK(mentions(
+      problems_of("binary_tracking", {"network.close_step=clock", "network.counter_check=match"}),
+      "own clock"));
 }
 
 TEST_CASE("every problem of a scenario is told at once, with its place") {
   const std::string text =
-      problems_of({"plant.attack.dos=1.5", "plant.model.glint.variance_1=-1", "sead=3",
-                   "steps=many", "network.messages=[Sensor01, Nobody]",
-                   "estimators.secure.particles=0", "attacks.flip.action=melt"});
+      problems_of("binary_tracking", {"plant.attack.dos=1.5", "plant.model.glint.variance_1=-1",
+                                      "sead=3", "steps=many", "network.messages=[Sensor01, Nobody]",
+                                      "estimators.secure.particles=0", "attacks.flip.action=melt"});
   for (const char* part :
        {"plant.attack.dos: 1.5 must be in [0, 1]", "plant.model.glint.variance_1",
         "sead: unknown key", "steps: 'many' is no whole number", "Nobody", "particles", "melt"}) {
     INFO(part << " in\n" << text);
     CHECK(mentions(text, part));
   }
-  CHECK(mentions(problems_of({"estimators.neglect.name=secure"}), "is taken"));
-  CHECK(mentions(problems_of({"network.sensor_bus=none"}), "both buses"));
-  CHECK(mentions(problems_of({"network.sensor_bus='socketcan:vcan0'",
-                              "network.monitor_bus='socketcan:vcan0'"}),
+  CHECK(mentions(problems_of("binary_tracking", {"estimators.neglect.name=secure"}), "is taken"));
+  CHECK(mentions(problems_of("binary_tracking", {"network.sensor_bus=none"}), "both buses"));
+  CHECK(mentions(problems_of("binary_tracking", {"network.sensor_bus='socketcan:vcan0'",
+                                                 "network.monitor_bus='socketcan:vcan0'"}),
                  "circles"));
-  CHECK(mentions(problems_of({"network.sensor_bus='udp:239.1.2.3:5001'",
-                              "network.monitor_bus='udp:239.1.2.3:05001'"}),
+  CHECK(mentions(problems_of("binary_tracking", {"network.sensor_bus='udp:239.1.2.3:5001'",
+                                                 "network.monitor_bus='udp:239.1.2.3:05001'"}),
                  "circles"));
-  CHECK(mentions(problems_of({"state_groups=[{name: a, states: []}]"}), "at least one"));
-  CHECK(mentions(problems_of({"state_groups=[{name: a, states: [1, 1]}]"}), "once"));
-  CHECK(mentions(problems_of({"state_groups=[{name: a, states: [1]}, {name: a, states: [2]}]"}),
+  CHECK(mentions(problems_of("binary_tracking", {"state_groups=[{name: a, states: []}]"}),
+                 "at least one"));
+  CHECK(mentions(problems_of("binary_tracking", {"state_groups=[{name: a, states: [1, 1]}]"}),
+                 "once"));
+  CHECK(mentions(problems_of("binary_tracking",
+                             {"state_groups=[{name: a, states: [1]}, {name: a, states: [2]}]"}),
                  "is taken"));
-  CHECK(mentions(problems_of({"estimators.neglect.name=plant"}), "another process"));
-  CHECK(mentions(problems_of({"holdfast=2"}), "holdfast: 2 must be in [1, 1]"));
+  CHECK(mentions(problems_of("binary_tracking", {"estimators.neglect.name=plant"}),
+                 "another process"));
+  CHECK(mentions(problems_of("binary_tracking", {"holdfast=2"}), "holdfast: 2 must be in [1, 1]"));
 }
 
 TEST_CASE("an unknown estimator is told with those that there are") {

@@ -1,6 +1,7 @@
 #include "tools/simulation.h"
 
 #include "tests/support/catch.h"
+#include "tests/unit/tools/experiment/scenario_texts.h"
 
 namespace holdfast {
 namespace {
@@ -9,8 +10,7 @@ Experiment small(std::vector<std::string> overrides = {}) {
   overrides.insert(overrides.begin(),
                    {"steps=15", "estimators.secure.particles=100",
                     "estimators.neglect.particles=100", "estimators.uncorrupted.particles=100"});
-  return load_experiment(std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml",
-                         overrides);
+  return load_experiment(testing::scenario("binary_tracking"), overrides);
 }
 
 }  // namespace

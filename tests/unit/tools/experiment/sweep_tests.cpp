@@ -1,12 +1,11 @@
 #include "tools/sweep.h"
 
 #include "tests/support/catch.h"
+#include "tests/unit/tools/experiment/scenario_texts.h"
 #include "tools/campaign/campaign_plan.h"
 
 namespace holdfast {
 namespace {
-
-const std::string kScenario = std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml";
 
 using Points = std::vector<std::vector<std::string>>;
 
@@ -27,18 +26,20 @@ TEST_CASE("a sweep stands in the scenario, or on the command line instead") {
   const std::string in_scenario =
       "campaign.sweep={grid: {attacks.flip.probability: [0, 0.1]}, list: [{steps: 7, "
       "attacks.flip.probability: 0.3}]}";
-  const CampaignPlan plan = load_campaign_plan(kScenario, {in_scenario}, {});
+  const CampaignPlan plan =
+      load_campaign_plan(testing::scenario("binary_tracking"), {in_scenario}, {});
   REQUIRE(plan.points.size() == 3);
   CHECK(plan.points[1].experiment.rules[0].probability == 0.1);
   CHECK(plan.points[2].experiment.num_steps == 7);
-  const CampaignPlan other =
-      load_campaign_plan(kScenario, {in_scenario}, {{parse_sweep_axis("steps=5,6,7,8")}, {}});
+  const CampaignPlan other = load_campaign_plan(testing::scenario("binary_tracking"), {in_scenario},
+                                                {{parse_sweep_axis("steps=5,6,7,8")}, {}});
   CHECK(other.points.size() == 4);
 }
 
 TEST_CASE("a believed value that is the same as the true one moves with the sweep") {
   const CampaignPlan plan =
-      load_campaign_plan(kScenario, {}, {{parse_sweep_axis("attacks.flip.probability=0,0.4")}, {}});
+      load_campaign_plan(testing::scenario("binary_tracking"), {},
+                         {{parse_sweep_axis("attacks.flip.probability=0,0.4")}, {}});
   const auto assumed = [](const CampaignPlan& of, std::size_t point) {
     const EstimatorEntry& entry = of.points[point].experiment.estimators[0];
     return entry.make.target<SecureParticleFilterMaker>()->assumes;
@@ -50,7 +51,7 @@ TEST_CASE("a believed value that is the same as the true one moves with the swee
 TEST_CASE("a wrong sweep says which point and why") {
   const auto problem = [](const std::vector<std::string>& overrides, const Sweep& sweep) {
     try {
-      load_campaign_plan(kScenario, overrides, sweep);
+      load_campaign_plan(testing::scenario("binary_tracking"), overrides, sweep);
     } catch (const UsageError& error) {
       return std::string(error.what());
     }

@@ -1,28 +1,16 @@
 // Scenarios with vector measurements: what they say, and what their estimators come to.
 #include "tests/support/catch.h"
+#include "tests/support/texts.h"
+#include "tests/unit/tools/experiment/scenario_texts.h"
 #include "tools/campaign/run_result.h"
 #include "tools/experiment.h"
 #include "tools/simulation.h"
 
 namespace holdfast {
+
+using namespace testing;
+
 namespace {
-
-std::string scenario(const std::string& name) {
-  return std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/" + name + ".yaml";
-}
-
-std::string problems_of(const std::string& name, const std::vector<std::string>& overrides) {
-  try {
-    load_experiment(scenario(name), overrides);
-  } catch (const UsageError& error) {
-    return error.what();
-  }
-  return "";
-}
-
-bool mentions(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 const char* const kHybrid =
     "{name: hybrid, method: hybrid_bernoulli, delivery_probability: same, attack_models: [{terms: "

@@ -7,11 +7,13 @@
 #include "common/errors.h"
 #include "tests/support/catch.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/texts.h"
 #include "tools/report/gnuplot.h"
 #include "tools/report/gnuplot_script.h"
 #include "tools/report/report_page.h"
 
 using holdfast::Figure;
+using holdfast::testing::mentions;
 using holdfast::testing::TemporaryFolder;
 
 namespace {
@@ -21,10 +23,6 @@ std::string read_file(const std::string& path) {
   std::ostringstream text;
   text << stream.rdbuf();
   return text.str();
-}
-
-bool holds(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
 }
 
 // Everywhere that text of a log can get to.
@@ -60,7 +58,7 @@ TEST_CASE("figures are written with their scripts, the same each time") {
   for (const std::string format : {"svg", "png"}) {
     holdfast::write_figures({figure_with("speed")}, folder.file("a/b"), format);
     const std::string first = read_file(folder.file("a/b/figure_a." + format));
-    CHECK(holds(first, format == "svg" ? "<svg" : "PNG"));
+    CHECK(mentions(first, format == "svg" ? "<svg" : "PNG"));
     std::filesystem::remove(folder.file("a/b/figure_a." + format));
     // The script alone draws it again.
     holdfast::run_gnuplot(folder.file("a/b"), "figure_a.gp");
@@ -84,10 +82,10 @@ TEST_CASE("text from a log runs nothing in gnuplot") {
   CHECK_FALSE(std::filesystem::exists(target));
   for (int i = 1; i <= static_cast<int>(figures.size()); ++i) {
     const std::string name = i == 1 ? "figure_a" : "figure_a_" + std::to_string(i);
-    CHECK(holds(read_file(folder.file("out/" + name + ".svg")), "</svg>"));
+    CHECK(mentions(read_file(folder.file("out/" + name + ".svg")), "</svg>"));
   }
   // Shown as it is, not taken for markup.
-  CHECK(holds(read_file(folder.file("out/figure_a_10.svg")), "{/Symbol a}"));
+  CHECK(mentions(read_file(folder.file("out/figure_a_10.svg")), "{/Symbol a}"));
 
   // The control: unguarded, such a title does run.
   std::ofstream(folder.file("open.gp")) << "set title \"`" << command << "`\"\n";
@@ -119,10 +117,10 @@ TEST_CASE("a figure without data, of one point, or of huge numbers is drawn too"
   holdfast::write_figures(figures, folder.file("out"), "svg");
   for (const Figure& figure : figures) {
     INFO(figure.name);
-    CHECK(holds(read_file(folder.file("out/" + figure.name + ".svg")), "</svg>"));
+    CHECK(mentions(read_file(folder.file("out/" + figure.name + ".svg")), "</svg>"));
   }
-  CHECK(holds(read_file(folder.file("out/nan.svg")), "no data"));
-  CHECK_FALSE(holds(read_file(folder.file("out/one.svg")), "no data"));
+  CHECK(mentions(read_file(folder.file("out/nan.svg")), "no data"));
+  CHECK_FALSE(mentions(read_file(folder.file("out/one.svg")), "no data"));
 }
 
 TEST_CASE("a missing gnuplot is named with its package") {
@@ -133,7 +131,7 @@ TEST_CASE("a missing gnuplot is named with its package") {
     holdfast::write_figures({figure_with("a")}, folder.file("out"), "svg");
     FAIL("no gnuplot, no error");
   } catch (const holdfast::JobError& error) {
-    CHECK(holds(error.what(), "gnuplot-nox"));
+    CHECK(mentions(error.what(), "gnuplot-nox"));
   }
 }
 

@@ -25,12 +25,6 @@ void write_run(LogWriter& log, const std::string& scenario = kScenario) {
   }
 }
 
-bool has_warning(const RunReview& review, const std::string& part) {
-  return std::ranges::any_of(review.warnings, [&](const std::string& warning) {
-    return warning.find(part) != std::string::npos;
-  });
-}
-
 // Place of the nth event on a channel.
 std::size_t event_start(const std::string& bytes, const std::string& channel, int nth) {
   std::size_t at = 0;

@@ -17,12 +17,6 @@ using namespace review_test;
 const std::vector<double> kTruth = {1.0, 0.0, 2.0, 0.0};
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-bool has_warning(const RunReview& review, const std::string& part) {
-  return std::any_of(
-      review.warnings.begin(), review.warnings.end(),
-      [&](const std::string& warning) { return warning.find(part) != std::string::npos; });
-}
-
 const EstimatorReview& estimator(const RunReview& review, const std::string& name) {
   for (const EstimatorReview& e : review.estimators) {
     if (e.name == name) return e;

@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <holdfast/attack_frame_t.hpp>
@@ -18,8 +19,15 @@
 #include "common/errors.h"
 #include "common/log_file.h"
 #include "common/run_meta.h"
+#include "tools/log_review.h"
 
 namespace holdfast::review_test {
+
+inline bool has_warning(const RunReview& review, const std::string& part) {
+  return std::ranges::any_of(review.warnings, [&](const std::string& warning) {
+    return warning.find(part) != std::string::npos;
+  });
+}
 
 /// A folder that goes away with the object.
 class ScratchFolder {
