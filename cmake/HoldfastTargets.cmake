@@ -3,6 +3,8 @@ add_library(holdfast_flags INTERFACE)
 target_compile_options(holdfast_flags INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-align
   $<$<CXX_COMPILER_ID:GNU>:-Wduplicated-cond -Wlogical-op>
+  # GCC takes a source that was put together with others for a header, where anonymous names would be a mistake.
+  $<$<AND:$<BOOL:${CMAKE_UNITY_BUILD}>,$<COMPILE_LANG_AND_ID:CXX,GNU>>:-Wno-subobject-linkage>
   # One rounding per operation, so that no compiler version or -march merges a multiply and an add.
   -ffp-contract=off)
 
