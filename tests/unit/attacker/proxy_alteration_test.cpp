@@ -14,10 +14,6 @@ using namespace holdfast::test;
 
 namespace {
 
-std::string rule(const std::string& rest) {
-  return "attacks: [{name: r, match: {messages: [Pair]}, " + rest + "}]";
-}
-
 CanFrame pair(double left, double right) {
   CanFrame frame = reading("Pair", 1, "LEFT", left);
   const FrameLayout layout = test_layout();
@@ -28,7 +24,7 @@ CanFrame pair(double left, double right) {
 // What the rule sends for a frame with this LEFT, and an equal RIGHT that no rule may touch.
 double sent_for(const std::string& rest, double left) {
   const CanFrame frame = pair(left, 5.0);
-  const Outcome outcome = run_proxy(rules_of(rule(rest)), {frame});
+  const Outcome outcome = run_proxy(rules_of(pair_rule(rest)), {frame});
   REQUIRE(outcome.records.size() == 1);
   CHECK(outcome.records[0].disposition == AttackRecord::Disposition::kAltered);
   CHECK(outcome.records[0].original.same_on_wire(frame));
@@ -43,7 +39,7 @@ double sent_for(const std::string& rest, double left) {
 std::vector<std::array<double, 4>> written(const std::string& rest, int num_steps) {
   std::vector<std::array<double, 4>> values;
   const Outcome outcome =
-      run_proxy(rules_of(rule(rest)), steps_of(num_steps, [](int) -> std::vector<CanFrame> {
+      run_proxy(rules_of(pair_rule(rest)), steps_of(num_steps, [](int) -> std::vector<CanFrame> {
                   return {pair(1, 1), pair(1, 1)};
                 }));
   for (std::size_t i = 0; i + 1 < outcome.records.size(); i += 2) {
@@ -79,7 +75,7 @@ TEST_CASE("force writes zero when nothing else is asked for") {
 
   // The default stands in the resolved document, which reads back as the same rule.
   ConfigurationDocument document =
-      ConfigurationDocument::from_text(rule("action: force, signals: [LEFT, RIGHT]"), "t");
+      ConfigurationDocument::from_text(pair_rule("action: force, signals: [LEFT, RIGHT]"), "t");
   read_attack_rules(document.root(), test_layout());
   document.finish();
   const std::string resolved = document.resolved_text();
@@ -126,7 +122,7 @@ TEST_CASE("add and scale start from what the frame carries, the signal's range h
   }
   // An unsigned 16-bit counter saturates at both ends and rounds to whole numbers.
   const auto counter = [](const std::string& rest) {
-    const Outcome outcome = run_proxy(rules_of(rule(rest)), {reading("Pair", 1000, "", 0.0)});
+    const Outcome outcome = run_proxy(rules_of(pair_rule(rest)), {reading("Pair", 1000, "", 0.0)});
     return value_of(outcome.sent.at(0), "STEP");
   };
   CHECK(counter("action: add, signal: STEP, value: {value: 1.4}") == 1001.0);
@@ -250,7 +246,7 @@ TEST_CASE("a draw of the step is shared by messages and by forged frames") {
 
 TEST_CASE("values that an action cannot use are told") {
   const auto says = [](const std::string& rest, const std::string& part) {
-    const std::string text = problems_of(rule(rest));
+    const std::string text = problems_of(pair_rule(rest));
     INFO(text);
     CHECK(text.find(part) != std::string::npos);
   };
@@ -263,5 +259,6 @@ TEST_CASE("values that an action cannot use are told") {
   says("action: add, signal: LEFT", "value: missing");
   says("action: scale, signals: [LEFT], value: {distribution: constant}", "value.value: missing");
   says("action: force, value: {value: 1}", "signal: missing");
-  CHECK(problems_of(rule("action: force, signal: LEFT, " + replay + ", draw: signal}")).empty());
+  CHECK(
+      problems_of(pair_rule("action: force, signal: LEFT, " + replay + ", draw: signal}")).empty());
 }

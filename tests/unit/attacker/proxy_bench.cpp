@@ -52,6 +52,10 @@ SIG_VALTYPE_ 320 RIGHT : 1;
   return layout;
 }
 
+std::string pair_rule(const std::string& rest) {
+  return "attacks: [{name: r, match: {messages: [Pair]}, " + rest + "}]";
+}
+
 std::vector<AttackRule> rules_of(const std::string& yaml) {
   ConfigurationDocument document = ConfigurationDocument::from_text(yaml, "test.yaml");
   std::vector<AttackRule> rules = read_attack_rules(document.root(), test_layout());

@@ -14,6 +14,9 @@ namespace holdfast::test {
 /// Pair (0x140, FD: LEFT and RIGHT float, STEP), and the tick (0x7F0: STEP, 16 bits).
 FrameLayout test_layout();
 
+/// YAML text of one rule, r, on the message Pair.
+std::string pair_rule(const std::string& rest);
+
 /// Rules of YAML text "attacks: [...]"; throws ConfigurationError with all problems.
 std::vector<AttackRule> rules_of(const std::string& yaml);
 /// What that says; empty when all is well.

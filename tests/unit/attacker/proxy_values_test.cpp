@@ -28,15 +28,11 @@ std::vector<CanFrame> ramp(int num_steps) {
   });
 }
 
-std::string rule(const std::string& rest) {
-  return "attacks: [{name: r, match: {messages: [Pair]}, " + rest + "}]";
-}
-
 }  // namespace
 
 TEST_CASE("one rule writes several signals, each with its own numbers") {
   const Outcome outcome = run_proxy(
-      rules_of(rule("action: substitute, signals: [LEFT, RIGHT], value: {value: [3, -4]}")),
+      rules_of(pair_rule("action: substitute, signals: [LEFT, RIGHT], value: {value: [3, -4]}")),
       ramp(3));
   REQUIRE(outcome.records.size() == 6);
   for (const AttackRecord& record : outcome.records) {
@@ -46,10 +42,10 @@ TEST_CASE("one rule writes several signals, each with its own numbers") {
 }
 
 TEST_CASE("signals of one forged frame are independent draws, each in its own range") {
-  const Outcome outcome =
-      run_proxy(rules_of(rule("action: inject, signals: [LEFT, RIGHT], count: {mean: 20}, value: "
-                              "{distribution: uniform, low: [0, -1], high: [1, 1]}")),
-                ramp(500));
+  const Outcome outcome = run_proxy(
+      rules_of(pair_rule("action: inject, signals: [LEFT, RIGHT], count: {mean: 20}, value: "
+                         "{distribution: uniform, low: [0, -1], high: [1, 1]}")),
+      ramp(500));
   double sum_left = 0.0, sum_right = 0.0, sum_product = 0.0;
   int count = 0;
   for (const AttackRecord& record : outcome.records) {
@@ -72,8 +68,8 @@ TEST_CASE("the first signal's draws are those of a rule that writes it alone") {
   const auto lefts = [](const std::string& signals) {
     std::vector<double> values;
     const Outcome outcome =
-        run_proxy(rules_of(rule("action: substitute, " + signals +
-                                ", value: {distribution: normal, mean: 0, std: 1}")),
+        run_proxy(rules_of(pair_rule("action: substitute, " + signals +
+                                     ", value: {distribution: normal, mean: 0, std: 1}")),
                   ramp(20));
     for (const AttackRecord& record : outcome.records) {
       values.push_back(pair_value(record.forwarded, "LEFT"));
@@ -84,10 +80,10 @@ TEST_CASE("the first signal's draws are those of a rule that writes it alone") {
 }
 
 TEST_CASE("a replay writes what the first genuine frame of the earlier step held") {
-  const Outcome outcome =
-      run_proxy(rules_of(rule("action: substitute, signals: [LEFT, RIGHT], value: {distribution: "
-                              "replay, delay_steps: [3, 3]}")),
-                ramp(10));
+  const Outcome outcome = run_proxy(
+      rules_of(pair_rule("action: substitute, signals: [LEFT, RIGHT], value: {distribution: "
+                         "replay, delay_steps: [3, 3]}")),
+      ramp(10));
   // Steps 1 to 3 have nothing to replay: their frames pass untouched and leave no record.
   REQUIRE(outcome.records.size() == 14);
   CHECK(outcome.counters.passed == 6 + 10);
@@ -99,10 +95,10 @@ TEST_CASE("a replay writes what the first genuine frame of the earlier step held
 }
 
 TEST_CASE("replayed injections take every delay of their range, and the current counter") {
-  const Outcome outcome =
-      run_proxy(rules_of(rule("action: inject, signals: [LEFT, RIGHT], count: {mean: 5}, value: "
-                              "{distribution: replay, delay_steps: [2, 4]}")),
-                ramp(300));
+  const Outcome outcome = run_proxy(
+      rules_of(pair_rule("action: inject, signals: [LEFT, RIGHT], count: {mean: 5}, value: "
+                         "{distribution: replay, delay_steps: [2, 4]}")),
+      ramp(300));
   std::map<int, int> delays;
   for (const AttackRecord& record : outcome.records) {
     ++delays[static_cast<int>(static_cast<double>(record.step) -
@@ -133,7 +129,7 @@ TEST_CASE("a replay takes genuine values, not those that a rule wrote") {
 
 TEST_CASE("wrong lists of signals and numbers are told") {
   const auto says = [](const std::string& rest, const std::string& part) {
-    const std::string text = problems_of(rule(rest));
+    const std::string text = problems_of(pair_rule(rest));
     INFO(text);
     CHECK(text.find(part) != std::string::npos);
   };

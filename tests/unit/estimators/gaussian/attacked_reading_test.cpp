@@ -1,6 +1,7 @@
 // Moments of the attacked reading against draws of it: the corrected ones hold, the printed ones
 // do not.
 
+#include <Eigen/Cholesky>
 #include <cmath>
 
 #include "tests/unit/estimators/gaussian/attack_cases.h"

@@ -72,8 +72,8 @@ TEST_CASE("a flip under a condition is not tied to a belief, an arming rule ties
   const std::string apart = "estimators.secure.assumes.flip=0.1";
   for (const char* condition : {"given", "unless"}) {
     const std::string attacks = armed + ", " + condition + ": armed}]";
-    CHECK(mentions(problems_of({attacks}), "cannot be the same as rule 'lie'"));
-    CHECK(problems_of({attacks, apart}).empty());
+    CHECK(mentions(problems_of("binary_tracking", {attacks}), "cannot be the same as rule 'lie'"));
+    CHECK(problems_of("binary_tracking", {attacks, apart}).empty());
   }
   const Experiment free = load_experiment(scenario("binary_tracking"), {armed + "}]"});
   CHECK(maker_of(free, "secure").assumes.flip == std::vector<double>(16, 0.2));
