@@ -15,7 +15,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
-using Json = nlohmann::json;
+using PackedJson = nlohmann::json;
 
 template <class Value>
 std::vector<std::uint8_t> raw_bytes(const Value* values, std::size_t count) {
@@ -32,12 +32,12 @@ std::vector<Value> raw_values(std::span<const std::uint8_t> bytes) {
   return values;
 }
 
-Json binary(std::vector<std::uint8_t> bytes) {
-  return Json::binary(std::move(bytes));
+PackedJson binary(std::vector<std::uint8_t> bytes) {
+  return PackedJson::binary(std::move(bytes));
 }
 
-std::span<const std::uint8_t> binary_of(const Json& json) {
-  return json.get_ref<const Json::binary_t&>();
+std::span<const std::uint8_t> binary_of(const PackedJson& json) {
+  return json.get_ref<const PackedJson::binary_t&>();
 }
 
 // True when the proxy altered or made the frame that it sent as the index-th one.
@@ -255,47 +255,47 @@ TimeHistogram time_histogram_of(std::span<const std::uint8_t> bytes) {
 }
 
 std::vector<std::uint8_t> to_bytes(const RunResult& result) {
-  Json json = {{"point", result.point}, {"run", result.run}, {"counters", result.counters}};
+  PackedJson json = {{"point", result.point}, {"run", result.run}, {"counters", result.counters}};
   json["is_attacked"] = binary(bytes_of(result.is_attacked));
   json["authentic_packets"] = binary(bytes_of(result.authentic_packets));
-  json["estimators"] = Json::array();
+  json["estimators"] = PackedJson::array();
   for (const EstimatorResult& estimator : result.estimators) {
-    Json entry = {{"name", estimator.name}, {"outcomes", estimator.scores.outcomes}};
-    entry["curves"] = Json::object();
+    PackedJson entry = {{"name", estimator.name}, {"outcomes", estimator.scores.outcomes}};
+    entry["curves"] = PackedJson::object();
     for (const auto& [name, values] : estimator.scores.curves)
       entry["curves"][name] = binary(bytes_of(values));
     entry["packets"] = binary(bytes_of(estimator.scores.packets));
-    entry["detections"] = Json::array();
+    entry["detections"] = PackedJson::array();
     for (const DetectionEvent& event : estimator.detections)
       entry["detections"].push_back({event.first_step, event.last_step, event.detected_step});
     entry["step_times"] = binary(bytes_of(estimator.step_times));
     json["estimators"].push_back(std::move(entry));
   }
-  return Json::to_msgpack(json);
+  return PackedJson::to_msgpack(json);
 }
 
 RunResult run_result_from(std::span<const std::uint8_t> bytes) {
   RunResult result;
   try {
-    const Json json = Json::from_msgpack(bytes.begin(), bytes.end());
+    const PackedJson json = PackedJson::from_msgpack(bytes.begin(), bytes.end());
     result.point = json.at("point");
     result.run = json.at("run");
     json.at("counters").get_to(result.counters);
     result.is_attacked = doubles_of(binary_of(json.at("is_attacked")));
     result.authentic_packets = doubles_of(binary_of(json.at("authentic_packets")));
-    for (const Json& entry : json.at("estimators")) {
+    for (const PackedJson& entry : json.at("estimators")) {
       EstimatorResult estimator;
       entry.at("name").get_to(estimator.name);
       entry.at("outcomes").get_to(estimator.scores.outcomes);
       for (const auto& [name, values] : entry.at("curves").items())
         estimator.scores.curves[name] = doubles_of(binary_of(values));
       estimator.scores.packets = score_histogram_of(binary_of(entry.at("packets")));
-      for (const Json& event : entry.at("detections"))
+      for (const PackedJson& event : entry.at("detections"))
         estimator.detections.push_back({event.at(0), event.at(1), event.at(2)});
       estimator.step_times = time_histogram_of(binary_of(entry.at("step_times")));
       result.estimators.push_back(std::move(estimator));
     }
-  } catch (const Json::exception& error) {
+  } catch (const PackedJson::exception& error) {
     throw JobError(std::string("a run's result arrived damaged: ") + error.what());
   }
   return result;
