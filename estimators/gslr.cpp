@@ -31,10 +31,7 @@ class GslrMethod {
                        const Small<L>& y, Belief<N>& posterior) {
     const bool is_forced = skips_zero_ && (y.array() == 0.0).all();
     if (is_forced || attacks_.now().moments.s1 == 0.0) return {VectorResult::Kind::kSkipped};
-    const UpdateResult one = update_.weigh(observation, reading, y);
-    if (!one.is_definite) return {};
-    update_.apply(prior, observation, reading, posterior);
-    return {VectorResult::Kind::kCorrected, one.squared_distance, one.log_density};
+    return correct_once(update_, prior, observation, reading, y, posterior);
   }
 
   void publish(Estimate& /*estimate*/) const {}

@@ -24,10 +24,7 @@ class KalmanMethod {
                        const ReadingBelief<L>& reading, SizedModel<N, L>& /*model*/,
                        const Small<L>& y, Belief<N>& posterior) {
     if (skips_zero_ && (y.array() == 0.0).all()) return {VectorResult::Kind::kSkipped};
-    const UpdateResult one = update_.weigh(observation, reading, y);
-    if (!one.is_definite) return {};
-    update_.apply(prior, observation, reading, posterior);
-    return {VectorResult::Kind::kCorrected, one.squared_distance, one.log_density};
+    return correct_once(update_, prior, observation, reading, y, posterior);
   }
 
   void publish(Estimate& /*estimate*/) const {}

@@ -13,6 +13,19 @@
 
 namespace holdfast {
 
+/// Correction by a reading that is believed to be one Gaussian; kFailed, and the posterior as it
+/// was, when its S is not positive definite. y: [l], rows that are missing in the observation are
+/// ignored.
+template <int N, int L>
+VectorResult correct_once(GaussianUpdate<N, L>& update, const Belief<N>& prior,
+                          const Observation<N, L>& observation, const ReadingBelief<L>& reading,
+                          const Small<L>& y, Belief<N>& posterior) {
+  const UpdateResult one = update.weigh(observation, reading, y);
+  if (!one.is_definite) return {};
+  update.apply(prior, observation, reading, posterior);
+  return {VectorResult::Kind::kCorrected, one.squared_distance, one.log_density};
+}
+
 /// A VectorKernel in sizes N and L (or Eigen::Dynamic) by a method, a class template that has
 ///
 ///   void begin_step(step)                                for parameters that change
