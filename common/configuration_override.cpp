@@ -43,6 +43,32 @@ YAML::Node descend(const YAML::Node& parent, const std::string& key) {
   return below.IsDefined() ? below : undefined();
 }
 
+// How often a node stands in a document: an alias is the anchor's own node, in another place.
+int count_places(const YAML::Node& tree, const YAML::Node& node) {
+  int count = tree.is(node) ? 1 : 0;
+  for (const auto& entry : tree) count += count_places(tree.IsMap() ? entry.second : entry, node);
+  return count;
+}
+
+// Gives a map's entry a node of its own where it shares one, so that what is set below it is set in
+// this place only.
+void unshare(const YAML::Node& root, YAML::Node parent, const std::string& key) {
+  if (!parent.IsMap() || !descend(parent, key).IsDefined()) return;
+  const YAML::Node shared = descend(parent, key);
+  if (count_places(root, shared) < 2) return;
+  YAML::Node own(shared.Type());
+  if (shared.IsScalar()) own = shared.Scalar();
+  for (const auto& entry : shared) {
+    if (shared.IsMap()) {
+      own[entry.first] = entry.second;
+    } else {
+      own.push_back(entry);
+    }
+  }
+  parent.remove(key);
+  parent[key] = own;
+}
+
 }  // namespace
 
 void apply_override(const YAML::Node& root, const std::string& assignment, int line) {
@@ -64,6 +90,7 @@ void apply_override(const YAML::Node& root, const std::string& assignment, int l
   for (std::size_t i = 0; i < keys.size(); ++i) {
     if (keys[i].empty()) refuse("a key is empty");
     const bool is_last = i + 1 == keys.size();
+    unshare(root, at, keys[i]);
     YAML::Node next = descend(at, keys[i]);
     if (!at.IsMap() && !next.IsDefined()) {
       refuse(at.IsSequence() ? "the list has no item '" + keys[i] + "'"

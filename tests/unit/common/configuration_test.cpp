@@ -226,6 +226,33 @@ TEST_CASE("overrides set keys, list items by index or name, and maps that are no
   CHECK(resolved(text, {"seed=7"}) == resolved("seed: 7\n" + text.substr(8)));
 }
 
+TEST_CASE("an override changes its own place, not others that share an anchor with it") {
+  const auto number_at = [](const std::string& override_text, const std::string& place,
+                            const std::string& key) {
+    auto document = ConfigurationDocument::from_text(
+        "first: &shared {p: 1, deep: {q: 2}}\nsecond: *shared\nlist: [{name: third, part: "
+        "*shared}]",
+        "file.yaml", {override_text});
+    ConfigurationMap root = document.root();
+    ConfigurationMap map = place == "third" ? root.maps("list").at(0).map("part") : root.map(place);
+    double value = 0.0;
+    if (key == "q") map = map.map("deep");
+    map.read(key, value);
+    return value;
+  };
+  for (const std::string changed : {"first", "second", "third"}) {
+    const std::string path = changed == "third" ? "list.third.part" : changed;
+    for (const std::string place : {"first", "second", "third"}) {
+      INFO(changed << " is changed, " << place << " is read");
+      CHECK(number_at(path + ".p=5", place, "p") == (place == changed ? 5.0 : 1.0));
+      CHECK(number_at(path + ".deep.q=6", place, "q") == (place == changed ? 6.0 : 2.0));
+      CHECK(number_at(path + ".deep.q=6", place, "p") == 1.0);
+      CHECK(number_at(path + "={p: 7}", place, "p") == (place == changed ? 7.0 : 1.0));
+      CHECK(number_at(path + ".p=5", place, "q") == 2.0);
+    }
+  }
+}
+
 TEST_CASE("a wrong override is told as such, not as a place in the file") {
   const std::string text = "seed: 1\nitems:\n  - {name: first, value: 1}\n";
   CHECK(problems(text, {"variance=-1"}) == "--set variance=-1: variance: -1 must be 0 or more");
