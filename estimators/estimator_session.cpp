@@ -27,6 +27,7 @@ void EstimatorSession::take(std::int64_t step, const MeasurementSet& set,
                             const OnEstimate& on_estimate) {
   step_ = step;
   ++counters_.steps;
+  if (known_input_of_) known_input_ = known_input_of_(step);
   on_estimate(estimator_.step(step, set, known_input_));
 }
 

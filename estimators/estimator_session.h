@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <utility>
 
 #include "estimators/estimator.h"
 
@@ -22,9 +23,16 @@ class EstimatorSession {
   /// Called once per step taken, with the estimate.
   using OnEstimate = std::function<void(const Estimate&)>;
 
-  /// utime of a missing step is interpolated: step * step_s.
-  EstimatorSession(Estimator& estimator, std::int64_t num_steps, double step_s)
-      : estimator_(estimator), num_steps_(num_steps), step_s_(step_s) {}
+  /// u of a step.
+  using KnownInput = std::function<Eigen::VectorXd(std::int64_t step)>;
+
+  /// utime of a missing step is interpolated: step * step_s. No function: no known input.
+  EstimatorSession(Estimator& estimator, std::int64_t num_steps, double step_s,
+                   KnownInput known_input = {})
+      : estimator_(estimator),
+        num_steps_(num_steps),
+        step_s_(step_s),
+        known_input_of_(std::move(known_input)) {}
 
   void on_set(const MeasurementSet& set, const OnEstimate& on_estimate);
 
@@ -38,6 +46,7 @@ class EstimatorSession {
   Estimator& estimator_;
   std::int64_t num_steps_;
   double step_s_;
+  KnownInput known_input_of_;
   std::int64_t step_ = 0;
   MeasurementSet missing_;
   Eigen::VectorXd known_input_;

@@ -20,52 +20,70 @@ void draw_normals(const RandomStream& stream, std::uint32_t step, Eigen::VectorX
   }
 }
 
+void read_mode_changes(ConfigurationMap& map, const ModeSet& modes,
+                       std::vector<ModeChange>& changes) {
+  for (ConfigurationMap& entry : map.maps("mode_changes")) {
+    ModeChange change;
+    std::string name;
+    entry.require("mode");
+    entry.read("mode", name);
+    change.mode = modes.find(name);
+    if (entry.has("mode") && change.mode < 0) {
+      std::string list;
+      for (const std::string& known : modes.names()) list += (list.empty() ? "" : ", ") + known;
+      entry.problem("mode", "'" + name + "' is none of the plant's modes: " + list);
+    }
+    entry.read("from_step", change.from_step, {1.0, 1e9});
+    if (!changes.empty() && change.from_step <= changes.back().from_step) {
+      entry.problem("from_step", "must lie after that of the change before");
+    }
+    changes.push_back(change);
+  }
+}
+
 }  // namespace
 
-void SignalAttackPlantOptions::read(ConfigurationMap& map, const SystemModel& model,
+void SignalAttackPlantOptions::read(ConfigurationMap& map, const ModeSet& modes,
                                     const std::string& folder) {
+  const SystemModel& model = modes.topologies.front();
   const auto n = static_cast<std::size_t>(model.num_states());
   start_state.resize(n, 0.0);
   start_std.resize(n, 0.0);
   map.read("start_state", start_state, n);
   map.read("start_step", start_step, {0.0, 1.0});
   map.read_shared("start_std", start_std, n, kNonNegative);
-  for (ConfigurationMap& entry : map.maps("signal_attacks")) {
-    SignalAttack attack;
-    std::string channel;
-    entry.require("channel");
-    entry.read("channel", channel);
-    const auto found = std::find(model.attack_names.begin(), model.attack_names.end(), channel);
-    attack.channel = static_cast<int>(found - model.attack_names.begin());
-    if (entry.has("channel") && found == model.attack_names.end()) {
-      std::string names;
-      for (const std::string& name : model.attack_names)
-        names += (names.empty() ? "" : ", ") + name;
-      entry.problem("channel", "'" + channel + "' is none of the plant's attack channels: " +
-                                   (names.empty() ? "it has none" : names));
-    }
-    attack.window.read(entry.map("window"));
-    attack.waveform.read(entry, folder);
-    signal_attacks.push_back(std::move(attack));
-  }
+  signal_attacks = read_channel_signals(map, "signal_attacks", "the plant's attack channels",
+                                        model.attack_names, folder);
+  inputs =
+      read_channel_signals(map, "inputs", "the plant's known inputs", model.input_names, folder);
+  read_mode_changes(map, modes, mode_changes);
 }
 
-SignalAttackPlant::SignalAttackPlant(SystemModel model, SignalAttackPlantOptions options,
+Eigen::VectorXd SignalAttackPlantOptions::input(std::int64_t step, const SystemModel& model) const {
+  Eigen::VectorXd u = Eigen::VectorXd::Zero(model.num_inputs());
+  add_signals(inputs, step, model.step_s, u);
+  return u;
+}
+
+SignalAttackPlant::SignalAttackPlant(ModeSet modes, SignalAttackPlantOptions options,
                                      std::vector<std::vector<int>> rows, std::uint64_t seed,
                                      std::uint32_t run)
-    : model_(std::move(model)),
+    : modes_(std::move(modes)),
       options_(std::move(options)),
       rows_(std::move(rows)),
       start_(seed, run, "plant/start"),
       process_noise_(seed, run, "plant/process_noise"),
       measurement_noise_(seed, run, "plant/measurement_noise"),
-      process_root_(root_of(model_.Q)),
-      measurement_root_(root_of(model_.R)),
-      attack_(Eigen::VectorXd::Zero(model_.num_attack_channels())),
+      attack_(Eigen::VectorXd::Zero(model().num_attack_channels())),
       no_attack_(attack_),
-      next_(model_.num_states()),
-      reading_(model_.num_measurements()),
-      clean_(model_.num_measurements()) {
+      input_(Eigen::VectorXd::Zero(model().num_inputs())),
+      next_(model().num_states()),
+      reading_(model().num_measurements()),
+      clean_(model().num_measurements()) {
+  for (const SystemModel& topology : modes_.topologies) {
+    process_roots_.push_back(root_of(topology.Q));
+    measurement_roots_.push_back(root_of(topology.R));
+  }
   step_.state = Eigen::Map<const Eigen::VectorXd>(options_.start_state.data(), next_.size());
   normals_.resize(next_.size());
   draw_normals(start_, 0, normals_);
@@ -83,23 +101,36 @@ SignalAttackPlant::SignalAttackPlant(SystemModel model, SignalAttackPlantOptions
 }
 
 void SignalAttackPlant::move(std::uint32_t step) {
-  model_.move(step_.state, attack_, next_);
+  model().move(step_.state, attack_, next_);
+  if (input_.size() > 0) next_.noalias() += model().B * input_;
   normals_.resize(next_.size());
   draw_normals(process_noise_, step, normals_);
   step_.state = next_;
-  step_.state.noalias() += process_root_ * normals_;
+  step_.state.noalias() += process_roots_[topology_] * normals_;
+}
+
+void SignalAttackPlant::set_mode() {
+  for (const ModeChange& change : options_.mode_changes) {
+    if (change.from_step > step_.step) break;
+    mode_ = static_cast<std::size_t>(change.mode);
+  }
+  if (!modes_.modes.empty()) {
+    topology_ = static_cast<std::size_t>(modes_.modes[mode_].topology);
+  }
 }
 
 void SignalAttackPlant::set_attack() {
   attack_.setZero();
-  for (const SignalAttack& attack : options_.signal_attacks) {
-    if (!attack.window.contains(step_.step, model_.step_s)) continue;
-    const double from_time = std::ceil(attack.window.from_s / model_.step_s - 1e-6);
-    const std::int64_t first =
-        std::max(attack.window.first_step, static_cast<std::int64_t>(from_time));
-    attack_[attack.channel] += attack.waveform.value(step_.step - first, model_.step_s);
+  add_signals(options_.signal_attacks, step_.step, model().step_s, attack_);
+  if (modes_.modes.size() > 1) {
+    const std::vector<int>& channels = modes_.modes[mode_].channels;
+    for (int channel = 0; channel < static_cast<int>(attack_.size()); ++channel) {
+      if (!std::binary_search(channels.begin(), channels.end(), channel)) attack_[channel] = 0.0;
+    }
+    step_.mode = static_cast<int>(mode_);
+  } else {
+    step_.mode = attack_.isZero(0.0) ? 0 : 1;
   }
-  step_.mode = attack_.isZero(0.0) ? 0 : 1;
   if (attack_.size() > 0) {
     std::copy(attack_.begin(), attack_.end(), step_.attack_signals.front().value.begin());
   }
@@ -108,9 +139,10 @@ void SignalAttackPlant::set_attack() {
 void SignalAttackPlant::measure(std::uint32_t step) {
   normals_.resize(reading_.size());
   draw_normals(measurement_noise_, step, normals_);
-  noise_.noalias() = measurement_root_ * normals_;
-  model_.measure(step_.state, attack_, reading_);
-  model_.measure(step_.state, no_attack_, clean_);
+  noise_.noalias() = measurement_roots_[topology_] * normals_;
+  model().measure(step_.state, attack_, reading_);
+  model().measure(step_.state, no_attack_, clean_);
+  if (input_.size() > 0) noise_.noalias() += model().D * input_;
   reading_ += noise_;
   clean_ += noise_;
   for (std::size_t source = 0; source < rows_.size(); ++source) {
@@ -124,7 +156,12 @@ void SignalAttackPlant::measure(std::uint32_t step) {
 const PlantStep& SignalAttackPlant::advance() {
   const auto step = static_cast<std::uint32_t>(++step_.step);
   if (step > 1 || options_.start_step == 0) move(step - 1);
+  set_mode();
   set_attack();
+  if (input_.size() > 0) {
+    input_.setZero();
+    add_signals(options_.inputs, step_.step, model().step_s, input_);
+  }
   measure(step);
   return step_;
 }

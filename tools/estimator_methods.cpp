@@ -10,9 +10,11 @@
 #include "estimators/interacting_multiple_model.h"
 #include "estimators/joint_input_state.h"
 #include "estimators/kalman_filter.h"
+#include "estimators/multiple_model.h"
 #include "estimators/probabilistic_data_association.h"
 #include "tools/bounds/attack_oracle.h"
 #include "tools/bounds/clairvoyant_filter.h"
+#include "tools/bounds/mode_oracle.h"
 #include "tools/tied_beliefs.h"
 
 namespace holdfast {
@@ -44,7 +46,7 @@ void read_secure_particle_filter(ConfigurationMap& map, const MethodContext& con
 }
 
 // What follows serves every method for plants with vector readings: the plant's model, read over.
-SystemModel read_believed_model(ConfigurationMap& map, const MethodContext& context) {
+SystemSource read_belief(ConfigurationMap& map, const MethodContext& context) {
   const SystemSetup& plant = *context.plant.system();
   SystemSource belief = plant.source;
   belief.read(map.map("model"));
@@ -52,7 +54,11 @@ SystemModel read_believed_model(ConfigurationMap& map, const MethodContext& cont
       belief.model.num_measurements() != plant.model().num_measurements()) {
     map.problem("model", "must have as many states and measurements as the plant's");
   }
-  return belief.model;
+  return belief;
+}
+
+SystemModel read_believed_model(ConfigurationMap& map, const MethodContext& context) {
+  return read_belief(map, context).model;
 }
 
 // Makes a filter whose constructor takes model, options and the rows of each source.
@@ -138,6 +144,33 @@ void read_attack_oracle(ConfigurationMap& map, const MethodContext& context,
   }
 }
 
+// Filters that believe in modes; the plant's, unless they name their own.
+template <class Filter, class Options>
+void read_for_modes(ConfigurationMap& map, const MethodContext& context, EstimatorEntry& entry) {
+  ModeSet modes = read_belief(map, context).modes;
+  modes.read(map);
+  Options options;
+  options.read(map, modes);
+  const std::vector<std::vector<int>>& rows = context.plant.system()->rows;
+  try {
+    const Filter check(modes, options, rows);
+  } catch (const UsageError& error) {
+    map.problem("method", error.what());
+  }
+  entry.kernel = linear_algebra_kernel();
+  for (const PlantMode& mode : modes.modes) entry.mode_names.push_back(mode.name);
+  entry.make = [modes, options, rows](std::uint64_t /*seed*/, std::uint32_t /*run*/) {
+    return std::make_unique<Filter>(modes, options, rows);
+  };
+}
+
+void read_mode_oracle(ConfigurationMap& map, const MethodContext& context, EstimatorEntry& entry) {
+  read_for_modes<ModeOracle, ModeOracleOptions>(map, context, entry);
+  if (entry.input != EstimatorEntry::Input::kTold) {
+    map.problem("input", "must be told: this filter knows the mode");
+  }
+}
+
 struct Method {
   const char* name;
   bool needs_vectors;  // a plant with vector readings, else one with binary sensors
@@ -163,6 +196,9 @@ constexpr std::array kMethods = {
            read_for_system<JointInputState, JointInputStateOptions>},
     Method{"interacting_multiple_model", true, false, EstimatorEntry::Input::kReceived,
            read_for_system<InteractingMultipleModel, InteractingMultipleModelOptions>},
+    Method{"multiple_model", true, false, EstimatorEntry::Input::kReceived,
+           read_for_modes<MultipleModel, MultipleModelOptions>},
+    Method{"mode_oracle", true, false, EstimatorEntry::Input::kTold, read_mode_oracle},
     Method{"attack_oracle", true, true, EstimatorEntry::Input::kTold, read_attack_oracle},
     Method{"clairvoyant", true, false, EstimatorEntry::Input::kAuthentic, read_clairvoyant},
 };
@@ -177,6 +213,18 @@ std::string method_names(bool has_vectors) {
 }
 
 }  // namespace
+
+int EstimatorEntry::own_mode(int plant_mode, const PlantSetup& plant) const {
+  if (mode_names.empty() || plant.system() == nullptr) return plant_mode;
+  const std::vector<PlantMode>& modes = plant.system()->source.modes.modes;
+  // A plant with one mode says whether it is attacked, not which mode it is in.
+  if (modes.size() < 2 || plant_mode < 0 || plant_mode >= static_cast<int>(modes.size())) {
+    return modes.size() < 2 ? 0 : -1;
+  }
+  const auto found = std::find(mode_names.begin(), mode_names.end(),
+                               modes[static_cast<std::size_t>(plant_mode)].name);
+  return found == mode_names.end() ? -1 : static_cast<int>(found - mode_names.begin());
+}
 
 std::unique_ptr<Estimator> SecureParticleFilterMaker::operator()(std::uint64_t seed,
                                                                  std::uint32_t run) const {

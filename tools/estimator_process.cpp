@@ -24,7 +24,7 @@ EstimatorProcess::EstimatorProcess(const Experiment& experiment, const Estimator
     : link_(link),
       status_(link, entry.name),
       estimator_(make_live_estimator(experiment, entry)),
-      session_(*estimator_, experiment.num_steps, experiment.step_s()),
+      session_(*estimator_, experiment.num_steps, experiment.step_s(), experiment.known_inputs()),
       estimate_channel_(channel_name("EST_", entry.name)),
       timing_channel_(channel_name("TIMING_", entry.name)),
       smoothed_channel_(channel_name("SMOOTHED_", entry.name)),

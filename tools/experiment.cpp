@@ -173,6 +173,7 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
                         {"signals", AttackTruth::kSignals},
                         {"frames", AttackTruth::kFrames}});
   read_windows(campaign, experiment);
+  campaign.read("mode_hold_steps", experiment.mode_hold_steps, {1.0, 1e6});
   experiment.sweep = read_sweep(campaign, "sweep");
   document.finish();
   experiment.resolved = document.resolved_text();
@@ -199,6 +200,12 @@ const EstimatorEntry& Experiment::estimator(const std::string& estimator_name) c
   for (const EstimatorEntry& entry : estimators) names += (names.empty() ? "" : ", ") + entry.name;
   throw UsageError("no estimator '" + estimator_name + "' in scenario " + name +
                    "; it has: " + names);
+}
+
+Eigen::VectorXd Experiment::known_input(std::int64_t step) const {
+  const SystemSetup* system = plant.system();
+  if (system == nullptr || system->model().num_inputs() == 0) return {};
+  return system->options.input(step, system->model());
 }
 
 std::string Experiment::kernel_text() const {

@@ -9,6 +9,7 @@
 #include "drivers/can/frame_codec.h"
 #include "drivers/measurement_assembler.h"
 #include "drivers/radio_channel.h"
+#include "estimators/estimator_session.h"
 #include "tools/estimator_methods.h"
 #include "tools/metrics/run_scores.h"
 #include "tools/metrics/windows.h"
@@ -39,6 +40,7 @@ struct Experiment {
   Sweep sweep;                                   // of campaigns
   double detection_threshold = 0.5;              // attack probability at which an attack is called
   std::vector<MetricsWindow> windows;            // of a campaign's metrics
+  std::int64_t mode_hold_steps = 1;              // right in a row, until a mode counts as found
   AttackTruth attack_truth = AttackTruth::kAny;  // what makes a step count as attacked
 
   std::string resolved;  // YAML with every default written out, DBC text included
@@ -51,6 +53,12 @@ struct Experiment {
   /// Under which names a campaign scores our estimators, in order: each, then its smoothed
   /// estimates.
   std::vector<std::string> scored_names() const;
+  /// u of a step, known to everyone; empty when the plant has none.
+  Eigen::VectorXd known_input(std::int64_t step) const;
+  /// The same as a function, which needs the experiment to stay where it is.
+  EstimatorSession::KnownInput known_inputs() const {
+    return [this](std::int64_t step) { return known_input(step); };
+  }
   const EstimatorEntry& estimator(const std::string& estimator_name) const;  // throws UsageError
 
   std::unique_ptr<Plant> make_plant(std::uint32_t run) const;

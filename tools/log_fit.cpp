@@ -74,7 +74,8 @@ LogFitRound fit_log(const LogFitOptions& options) {
     const std::unique_ptr<AttackMixture> filter = first.renewed(next);
     filter->remember(SmoothingEstimator::kAllSteps);
     filter->prepare_fit();
-    EstimatorSession session(*filter, experiment.num_steps, experiment.step_s());
+    EstimatorSession session(*filter, experiment.num_steps, experiment.step_s(),
+                             experiment.known_inputs());
     for (const MeasurementSet& set : sets) session.on_set(set, [](const Estimate&) {});
     filter->smooth();
     round.log_likelihood = filter->log_likelihood();

@@ -54,7 +54,8 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
     const bool is_wanted = name.empty() || entry.name == name;
     if (!is_wanted || entry.is_outside() || entry.is_campaign_only()) continue;
     auto estimator = experiment.make_estimator(entry, static_cast<std::uint32_t>(meta.run));
-    EstimatorSession session(*estimator, experiment.num_steps, experiment.step_s());
+    EstimatorSession session(*estimator, experiment.num_steps, experiment.step_s(),
+                             experiment.known_inputs());
     auto smoothed = fixed_lag_stream(entry, *estimator);
     replayed.push_back({channel_name("EST_", entry.name), std::move(estimator), std::move(session),
                         std::move(smoothed), channel_name("SMOOTHED_", entry.name)});

@@ -58,7 +58,8 @@ std::vector<Smoothed> make_smoothed(const LogSmootherOptions& options, const Exp
     if (smoothing == nullptr) {
       throw UsageError("estimator '" + entry.name + "' (" + entry.method + ") cannot look back");
     }
-    EstimatorSession session(*estimator, experiment.num_steps, experiment.step_s());
+    EstimatorSession session(*estimator, experiment.num_steps, experiment.step_s(),
+                             experiment.known_inputs());
     SmoothedStream stream(*smoothing,
                           static_cast<std::size_t>(options.lag_steps.value_or(entry.lag_steps)));
     all.push_back(

@@ -43,6 +43,13 @@ void PlantProcess::publish_truth(const PlantStep& step) {
     to_message(signal, step.step, utime, attack_signal_);
     link_.publish("ATTACK_SIGNAL", attack_signal_);
   }
+  const Eigen::VectorXd input = experiment_.known_input(step.step);
+  if (input.size() == 0) return;
+  known_input_.utime = utime;
+  known_input_.step = step.step;
+  known_input_.num_inputs = static_cast<std::int32_t>(input.size());
+  known_input_.input.assign(input.begin(), input.end());
+  link_.publish("KNOWN_INPUT", known_input_);
 }
 
 void PlantProcess::send() {

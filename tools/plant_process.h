@@ -1,6 +1,7 @@
 #pragma once
 
 #include <holdfast/attack_signal_t.hpp>
+#include <holdfast/known_input_t.hpp>
 #include <holdfast/measurement_set_t.hpp>
 #include <holdfast/truth_t.hpp>
 #include <memory>
@@ -39,6 +40,7 @@ class PlantProcess {
   std::unique_ptr<RadioChannel> radio_;
   truth_t truth_;
   attack_signal_t attack_signal_;
+  known_input_t known_input_;
   measurement_set_t measurement_;
   std::vector<CanFrame> frames_;
 };

@@ -1,5 +1,7 @@
 #include "tools/plant_setup.h"
 
+#include <algorithm>
+
 namespace holdfast {
 namespace {
 
@@ -18,7 +20,47 @@ void take_layout(const FrameLayout& layout, const BinaryTargetSetup& setup,
   if (layout.signals.size() != 1) network.problem("signals", "a binary sensor has one signal");
 }
 
+// Which measurements each message carries, where the scenario names them; false when it does not.
+bool read_rows(const FrameLayout& layout, SystemSetup& setup, ConfigurationMap& network) {
+  if (!network.has("measurements")) return false;
+  const std::vector<std::string>& names = setup.model().measurement_names;
+  std::vector<char> is_sent(names.size(), 0);
+  for (ConfigurationMap& entry : network.maps("measurements")) {
+    std::string message;
+    std::vector<std::string> carried;
+    entry.read("message", message);
+    entry.read("carries", carried);
+    const std::size_t source = setup.rows.size();
+    if (source < layout.messages.size() && message != layout.messages[source]) {
+      entry.problem("message", "must be '" + layout.messages[source] +
+                                   "': one entry for each of the messages, in their order");
+    }
+    if (carried.size() != layout.signals.size()) {
+      entry.problem("carries", "must name " + std::to_string(layout.signals.size()) +
+                                   " measurements, one for each of the signals");
+    }
+    std::vector<int>& rows = setup.rows.emplace_back();
+    for (const std::string& name : carried) {
+      const auto found = std::find(names.begin(), names.end(), name);
+      if (found == names.end() || is_sent[static_cast<std::size_t>(found - names.begin())] != 0) {
+        entry.problem("carries",
+                      "'" + name + "' is no measurement of the plant, or is sent already");
+        continue;
+      }
+      is_sent[static_cast<std::size_t>(found - names.begin())] = 1;
+      rows.push_back(static_cast<int>(found - names.begin()));
+    }
+  }
+  if (setup.rows.size() != layout.messages.size() ||
+      std::find(is_sent.begin(), is_sent.end(), 0) != is_sent.end()) {
+    network.problem("measurements",
+                    "must have one entry for each message, and each measurement once");
+  }
+  return true;
+}
+
 void take_layout(const FrameLayout& layout, SystemSetup& setup, ConfigurationMap& network) {
+  if (read_rows(layout, setup, network)) return;
   int row = 0;
   for (std::size_t source = 0; source < layout.messages.size(); ++source) {
     std::vector<int>& rows = setup.rows.emplace_back();
@@ -42,9 +84,12 @@ void PlantSetup::read(ConfigurationMap map, const std::string& folder) {
     system.source.read(map.map("model"));
     kind = std::move(system);
     if (is_usable()) {
-      std::get<SystemSetup>(kind).options.read(map, this->system()->model(), folder);
+      auto& setup = std::get<SystemSetup>(kind);
+      setup.source.modes.read(map);
+      setup.options.read(map, setup.source.modes, folder);
     } else {
-      for (const char* key : {"start_state", "start_step", "start_std", "signal_attacks"})
+      for (const char* key : {"start_state", "start_step", "start_std", "signal_attacks", "inputs",
+                              "modes", "generated_modes", "mode_changes"})
         map.raw(key);
     }
     return;
@@ -63,7 +108,11 @@ void PlantSetup::take_layout(const FrameLayout& layout, ConfigurationMap& networ
 }
 
 bool PlantSetup::is_usable() const {
-  return system() == nullptr || system()->model().problems().empty();
+  if (system() == nullptr) return true;
+  const std::vector<SystemModel>& topologies = system()->source.modes.topologies;
+  return !topologies.empty() &&
+         std::all_of(topologies.begin(), topologies.end(),
+                     [](const SystemModel& topology) { return topology.problems().empty(); });
 }
 
 double PlantSetup::step_s() const {
@@ -88,8 +137,8 @@ std::vector<StateGroup> PlantSetup::default_groups() const {
 
 std::unique_ptr<Plant> PlantSetup::make(std::uint64_t seed, std::uint32_t run) const {
   if (system() != nullptr) {
-    return std::make_unique<SignalAttackPlant>(system()->model(), system()->options, system()->rows,
-                                               seed, run);
+    return std::make_unique<SignalAttackPlant>(system()->source.modes, system()->options,
+                                               system()->rows, seed, run);
   }
   return std::make_unique<BinaryTargetPlant>(binary_target()->model, binary_target()->options, seed,
                                              run);

@@ -124,7 +124,10 @@ bool Simulation::advance() {
   pass_bus(truth_->readings, assembler_, true, received_);
   if (needs_clean_) pass_bus(truth_->clean_readings, clean_assembler_, false, clean_);
   if (needs_authentic_) keep_authentic();
-  for (ToldEstimator* told : told_) told->tell({has_signal_attack(), done_to_frames()});
+  for (ToldEstimator* told : told_) {
+    told->tell({has_signal_attack(), truth_->mode, done_to_frames()});
+  }
+  known_input_ = experiment_.known_input(step_);
   for (std::size_t i = 0; i < estimators_.size(); ++i) {
     const std::int64_t started_ns = on_step_time ? monotonic_time_ns() : 0;
     estimates_[i] = &estimators_[i]->step(step_, input_of(*entries_[i]), known_input_);

@@ -47,6 +47,18 @@ void read_all_names(ConfigurationMap& map, SystemModel& model) {
   read_names(map, "state_names", "x_", model.num_states(), model.state_names);
   read_names(map, "measurement_names", "y_", model.num_measurements(), model.measurement_names);
   read_names(map, "attack_names", "a_", model.num_attack_channels(), model.attack_names);
+  if (model.num_inputs() > 0 || map.has("input_names")) {
+    read_names(map, "input_names", "u_", model.num_inputs(), model.input_names);
+  }
+}
+
+// Columns of channels: one of the two matrices may be left out for zeros, both for none.
+void read_channels(ConfigurationMap& map, const char* state_key, Eigen::MatrixXd& of_state,
+                   const char* reading_key, Eigen::MatrixXd& of_reading, const SystemModel& model) {
+  read_matrix(map, state_key, of_state);
+  read_matrix(map, reading_key, of_reading);
+  if (of_state.size() == 0) of_state = Eigen::MatrixXd::Zero(model.A.rows(), of_reading.cols());
+  if (of_reading.size() == 0) of_reading = Eigen::MatrixXd::Zero(model.C.rows(), of_state.cols());
 }
 
 }  // namespace
@@ -58,10 +70,10 @@ void read_linear_model(ConfigurationMap map, SystemModel& model) {
     if (matrix->size() == 0) map.require(key);
     read_matrix(map, key, *matrix);
   }
-  read_matrix(map, "G", model.G);
-  read_matrix(map, "H", model.H);
-  if (model.G.size() == 0) model.G = Eigen::MatrixXd::Zero(model.A.rows(), model.H.cols());
-  if (model.H.size() == 0) model.H = Eigen::MatrixXd::Zero(model.C.rows(), model.G.cols());
+  read_channels(map, "G", model.G, "H", model.H, model);
+  if (model.num_inputs() > 0 || map.has("B") || map.has("D")) {
+    read_channels(map, "B", model.B, "D", model.D, model);
+  }
   for (const std::string& problem : model.problems()) map.problem(problem.substr(0, 1), problem);
   read_all_names(map, model);
 }
@@ -70,7 +82,10 @@ void resolve_matrices(ConfigurationMap& map, const SystemModel& model) {
   ConfigurationMap matrices = map.map("matrices");
   for (const auto& [key, matrix] :
        {std::pair{"A", &model.A}, std::pair{"C", &model.C}, std::pair{"G", &model.G},
-        std::pair{"H", &model.H}, std::pair{"Q", &model.Q}, std::pair{"R", &model.R}}) {
+        std::pair{"H", &model.H}, std::pair{"Q", &model.Q}, std::pair{"R", &model.R},
+        std::pair{"B", &model.B}, std::pair{"D", &model.D}}) {
+    const bool is_of_inputs = matrix == &model.B || matrix == &model.D;
+    if (is_of_inputs && model.num_inputs() == 0 && !matrices.has(key)) continue;
     const Eigen::MatrixXd derived = *matrix;
     Eigen::MatrixXd given = derived;
     read_matrix(matrices, key, given);
@@ -85,7 +100,7 @@ void resolve_matrices(ConfigurationMap& map, const SystemModel& model) {
   read_all_names(matrices, named);
   if (named.state_names != model.state_names ||
       named.measurement_names != model.measurement_names ||
-      named.attack_names != model.attack_names) {
+      named.attack_names != model.attack_names || named.input_names != model.input_names) {
     matrices.problem("state_names", "names follow from the model's other keys: leave them out");
   }
 }

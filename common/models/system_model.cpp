@@ -61,11 +61,16 @@ std::vector<std::string> SystemModel::problems() const {
   check_size("H", H, l, m, problems);
   check_size("Q", Q, n, n, problems);
   check_size("R", R, l, l, problems);
+  if (B.size() > 0 || D.size() > 0) {
+    check_size("B", B, n, B.cols(), problems);
+    check_size("D", D, l, B.cols(), problems);
+  }
   if (n == 0) problems.emplace_back("A must have at least one row");
   if (l == 0) problems.emplace_back("C must have at least one row");
   if (!problems.empty()) return problems;
-  for (const auto& [name, matrix] : {std::pair{"A", &A}, std::pair{"C", &C}, std::pair{"G", &G},
-                                     std::pair{"H", &H}, std::pair{"Q", &Q}, std::pair{"R", &R}}) {
+  for (const auto& [name, matrix] :
+       {std::pair{"A", &A}, std::pair{"C", &C}, std::pair{"G", &G}, std::pair{"H", &H},
+        std::pair{"Q", &Q}, std::pair{"R", &R}, std::pair{"B", &B}, std::pair{"D", &D}}) {
     if (!matrix->allFinite()) problems.push_back(std::string(name) + " must be finite");
   }
   if (!problems.empty()) return problems;

@@ -5,9 +5,22 @@
 #include "common/models/linear_model.h"
 
 namespace holdfast {
+namespace {
+
+bool has_equal_matrices(const SystemModel& one, const SystemModel& other) {
+  const auto is_equal = [](const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+    return a.rows() == b.rows() && a.cols() == b.cols() && a == b;
+  };
+  return is_equal(one.A, other.A) && is_equal(one.B, other.B) && is_equal(one.C, other.C) &&
+         is_equal(one.D, other.D) && is_equal(one.G, other.G) && is_equal(one.H, other.H) &&
+         is_equal(one.Q, other.Q) && is_equal(one.R, other.R);
+}
+
+}  // namespace
 
 const std::vector<std::string>& SystemSource::kind_names() {
-  static const std::vector<std::string> names = {"linear", "ieee14", "turning_target"};
+  static const std::vector<std::string> names = {"linear", "ieee14", "turning_target",
+                                                 "three_area"};
   return names;
 }
 
@@ -21,10 +34,12 @@ bool SystemSource::set_kind(const std::string& name) {
 }
 
 void SystemSource::read(ConfigurationMap map) {
+  const SystemModel before = model;
   try {
     switch (kind) {
       case Kind::kLinear:
-        return read_linear_model(map, model);
+        read_linear_model(map, model);
+        return set_topologies(map, before);
       case Kind::kIeee14:
         ieee14.read(map);
         model = make_ieee14_model(ieee14);
@@ -33,17 +48,54 @@ void SystemSource::read(ConfigurationMap map) {
         turning_target.read(map);
         model = make_turning_target_model(turning_target);
         break;
+      case Kind::kThreeArea:
+        three_area.read(map);
+        model = make_three_area_model(three_area, three_area.ties.front());
+        break;
     }
+    set_topologies(map, before);
   } catch (const UsageError& error) {
     return map.problem("", error.what());
   }
   resolve_matrices(map, model);
 }
 
+void SystemSource::set_topologies(ConfigurationMap& map, const SystemModel& model_before) {
+  ModeSet own;
+  if (kind == Kind::kThreeArea) {
+    own.topology_names = three_area.ties;
+    for (const std::string& ties : three_area.ties) {
+      own.topologies.push_back(make_three_area_model(three_area, ties));
+    }
+  } else if (kind == Kind::kLinear && map.has("topologies")) {
+    for (ConfigurationMap& entry : map.maps("topologies")) {
+      entry.require("name");
+      entry.read("name", own.topology_names.emplace_back());
+      read_linear_model(entry, own.topologies.emplace_back(model));
+    }
+  } else if (modes.topologies.size() > 1) {
+    // A belief that says nothing new keeps the plant's.
+    if (has_equal_matrices(model, model_before)) return;
+    map.problem("topologies", "must be given again where the model differs from the plant's");
+  }
+  if (own.topologies.empty()) {
+    own.topologies = {model};
+    own.topology_names = {"all"};
+  }
+  modes.topologies = std::move(own.topologies);
+  modes.topology_names = std::move(own.topology_names);
+}
+
 std::vector<SystemSource::Group> SystemSource::groups() const {
   std::vector<int> states(static_cast<std::size_t>(model.num_states()));
   std::iota(states.begin(), states.end(), 0);
   if (kind == Kind::kLinear) return {{"state", states, ""}};
+  if (kind == Kind::kThreeArea) {
+    return {{"state", states, ""},
+            {"frequency", {0, 3, 6}, ""},
+            {"mechanical", {1, 2, 4, 5, 7, 8}, ""},
+            {"tie", {9, 10, 11}, ""}};
+  }
   const auto half = states.begin() + static_cast<std::ptrdiff_t>(states.size() / 2);
   if (kind == Kind::kTurningTarget) {
     return {{"position", {states.begin(), half}, "m"}, {"velocity", {half, states.end()}, "m/s"}};

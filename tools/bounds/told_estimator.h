@@ -7,6 +7,7 @@ namespace holdfast {
 /// What a simulation knows of the step that comes next.
 struct ToldTruth {
   bool has_signal_attack = false;
+  int mode = 0;                                            // of the plant
   AttackHypothesis frames = AttackHypothesis::kUntouched;  // what rules did to the step's frames
 };
 

@@ -147,6 +147,7 @@ CampaignSummary summarise(CampaignStore& store, RunRange range) {
     options.detection_threshold = experiment.detection_threshold;
     options.groups = experiment.state_groups;
     options.windows = experiment.windows;
+    options.mode_hold_steps = experiment.mode_hold_steps;
     PointRuns here;
     PointRuns& loaded = p == 0 ? first : here;
     const auto point = static_cast<std::int64_t>(p);

@@ -183,7 +183,9 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
                              attack_signal};
     for (std::size_t i = 0; i < scorers.size(); ++i) {
       const Estimate& estimate = *simulation.estimates()[i];
-      scorers[i].take(estimate, true_step);
+      TrueStep believed = true_step;
+      believed.mode = simulation.entries()[i]->own_mode(true_step.mode, experiment.plant);
+      scorers[i].take(estimate, believed);
       score_packets(estimate, simulation.attack_records(), scorers[i]);
     }
     smoothed.take(true_step);

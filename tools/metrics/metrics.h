@@ -19,6 +19,7 @@ struct MetricsOptions {
   double band_probability = 0.95;    // of the chi-square bands
   std::vector<StateGroup> groups;
   std::vector<MetricsWindow> windows;
+  std::int64_t mode_hold_steps = 1;  // a mode counts as found once it is right so often in a row
 };
 
 /// One number with its standard error; NaN where it has none (a single run, no closed form).

@@ -69,6 +69,10 @@ void add_window(const MetricsInput& input, const MetricsWindow& window, Estimato
     add_metric(result, "attack_signal_rmse", (rest.empty() ? "" : rest.substr(1)) + place, "",
                mean_of(run_root_means(masked(squares, window, authentic))));
   }
+  if (const RunMatrix* is_correct = input.find("mode_correct")) {
+    add_metric(result, "mode_accuracy", place, "",
+               mean_of(run_means(masked(*is_correct, window, authentic))));
+  }
   const RunMatrix* probability = input.find("attack_probability");
   if (probability == nullptr || input.runs.is_attacked == nullptr) return;
   const RunMatrix left = masked(*probability, window, authentic);

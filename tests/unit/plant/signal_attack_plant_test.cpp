@@ -24,7 +24,7 @@ SignalAttackPlantOptions options_of(const std::string& yaml, const SystemModel& 
   ConfigurationDocument document = ConfigurationDocument::from_text(yaml, "test.yaml");
   SignalAttackPlantOptions options;
   ConfigurationMap root = document.root();
-  options.read(root, model, "");
+  options.read(root, ModeSet::single(model), "");
   document.finish();
   return options;
 }
@@ -37,7 +37,8 @@ const char* const kConstantAttack =
 
 TEST_CASE("without noise the plant is its model, and the attack acts in its window only") {
   const SystemModel model = two_state_model(0.0);
-  SignalAttackPlant plant(model, options_of(kConstantAttack, model), {{0, 1}, {2}}, 1, 0);
+  SignalAttackPlant plant(ModeSet::single(model), options_of(kConstantAttack, model), {{0, 1}, {2}},
+                          1, 0);
   Eigen::VectorXd x = (Eigen::VectorXd(2) << 1.0, -1.0).finished();
   for (int k = 1; k <= 10; ++k) {
     const Eigen::VectorXd a = Eigen::VectorXd::Constant(1, k >= 4 && k <= 6 ? 3.0 : 0.0);
@@ -59,7 +60,7 @@ TEST_CASE("a waveform begins with the first step of its window, in steps or in s
   const SystemModel model = two_state_model(0.0);
   for (const char* window : {"{first_step: 5}", "{from_s: 0.5}", "{first_step: 2, from_s: 0.5}"}) {
     SignalAttackPlant plant(
-        model,
+        ModeSet::single(model),
         options_of("{signal_attacks: [{channel: a, waveform: ramp, amplitude: 10, window: " +
                        std::string(window) + "}]}",
                    model),
@@ -78,7 +79,8 @@ TEST_CASE("process and measurement noise have the model's covariances") {
   Eigen::Matrix3d measurement = Eigen::Matrix3d::Zero();
   int count = 0;
   for (std::uint32_t run = 0; run < 40; ++run) {
-    SignalAttackPlant plant(model, options_of("{start_state: [1, 1]}", model), {{0, 1, 2}}, 7, run);
+    SignalAttackPlant plant(ModeSet::single(model), options_of("{start_state: [1, 1]}", model),
+                            {{0, 1, 2}}, 7, run);
     Eigen::VectorXd before;
     for (int k = 1; k <= 501; ++k) {
       const PlantStep& step = plant.advance();
@@ -116,7 +118,8 @@ TEST_CASE("a random start spreads as asked, and the attack shifts no draw of the
   double sum = 0.0, squares = 0.0;
   const int num_runs = 4000;
   for (int run = 0; run < num_runs; ++run) {
-    SignalAttackPlant plant(model, options_of("{start_state: [5, 0], start_std: [2, 0]}", model),
+    SignalAttackPlant plant(ModeSet::single(model),
+                            options_of("{start_state: [5, 0], start_std: [2, 0]}", model),
                             {{0, 1, 2}}, 1, static_cast<std::uint32_t>(run));
     const PlantStep& step = plant.advance();
     CHECK(step.state[1] == 0.0);
@@ -126,8 +129,10 @@ TEST_CASE("a random start spreads as asked, and the attack shifts no draw of the
   CHECK(std::abs(sum / num_runs) < 4.0 * 2.0 / std::sqrt(num_runs));
   CHECK(std::abs(squares / num_runs - 4.0) < 4.0 * 4.0 * std::sqrt(2.0 / num_runs));
 
-  SignalAttackPlant attacked(model, options_of(kConstantAttack, model), {{0, 1, 2}}, 1, 0);
-  SignalAttackPlant quiet(model, options_of("{start_state: [1, -1]}", model), {{0, 1, 2}}, 1, 0);
+  SignalAttackPlant attacked(ModeSet::single(model), options_of(kConstantAttack, model),
+                             {{0, 1, 2}}, 1, 0);
+  SignalAttackPlant quiet(ModeSet::single(model), options_of("{start_state: [1, -1]}", model),
+                          {{0, 1, 2}}, 1, 0);
   for (int k = 1; k <= 4; ++k) {
     const PlantStep& a = attacked.advance();
     const PlantStep& b = quiet.advance();

@@ -1,0 +1,44 @@
+#include "common/channel_signal.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace holdfast {
+
+std::vector<ChannelSignal> read_channel_signals(ConfigurationMap& map, const char* key,
+                                                const char* what,
+                                                const std::vector<std::string>& names,
+                                                const std::string& folder) {
+  std::vector<ChannelSignal> signals;
+  for (ConfigurationMap& entry : map.maps(key)) {
+    ChannelSignal signal;
+    std::string channel;
+    entry.require("channel");
+    entry.read("channel", channel);
+    const auto found = std::find(names.begin(), names.end(), channel);
+    signal.channel = static_cast<int>(found - names.begin());
+    if (entry.has("channel") && found == names.end()) {
+      std::string list;
+      for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+      entry.problem("channel", "'" + channel + "' is none of " + what + ": " +
+                                   (list.empty() ? "it has none" : list));
+    }
+    signal.window.read(entry.map("window"));
+    signal.waveform.read(entry, folder);
+    signals.push_back(std::move(signal));
+  }
+  return signals;
+}
+
+void add_signals(const std::vector<ChannelSignal>& signals, std::int64_t step, double step_s,
+                 Eigen::VectorXd& values) {
+  for (const ChannelSignal& signal : signals) {
+    if (!signal.window.contains(step, step_s)) continue;
+    const auto from_time =
+        static_cast<std::int64_t>(std::ceil(signal.window.from_s / step_s - 1e-6));
+    const std::int64_t first = std::max(signal.window.first_step, from_time);
+    values[signal.channel] += signal.waveform.value(step - first, step_s);
+  }
+}
+
+}  // namespace holdfast
