@@ -105,10 +105,11 @@ bool ModeBank::weigh() {
   if (!std::isfinite(largest)) return false;
   if (options_.floor_rule == ModeBankOptions::FloorRule::kPrinted) {
     // As printed, in plain numbers: whether the floor bites depends on the units of y.
-    for (std::size_t j = 0; j < log_weight_.size(); ++j) {
-      const double weight = std::min(std::exp(log_weight_[j]), 1e300);
-      probability_[j] = std::max(weight, options_.floor);
+    for (double& weight : log_weight_) {
+      weight = std::max(std::min(std::exp(weight), 1e300), options_.floor);
     }
+    if (std::accumulate(log_weight_.begin(), log_weight_.end(), 0.0) == 0.0) return false;
+    probability_ = log_weight_;
     normalise(probability_);
     return true;
   }

@@ -24,8 +24,9 @@ void VectorOfRows::take(std::int64_t step, const MeasurementSet& measurements, E
   std::sort(rows_.begin(), rows_.end());
 }
 
-InputStatePublisher::InputStatePublisher(const ModeSet& modes)
+InputStatePublisher::InputStatePublisher(const ModeSet& modes, double input_std)
     : num_channels_(modes.topologies.front().num_attack_channels()),
+      input_variance_(input_std * input_std),
       innovation_(modes.topologies.front().num_measurements()) {
   for (const PlantMode& mode : modes.modes) channels_.push_back(mode.channels);
 }
@@ -48,6 +49,9 @@ void InputStatePublisher::input_of(const InputStateFilter& filter, int mode, Eig
     d = now.V1.lazyProduct(filter.seen_input());
     const AnyMatrix VP = now.V1.lazyProduct(filter.seen_input_covariance());
     Pd = VP.lazyProduct(now.V1.transpose());
+    // What the rows that arrived do not show has its prior only.
+    const AnyMatrix unseen = input_variance_ * now.V2;
+    Pd.noalias() += unseen.lazyProduct(now.V2.transpose());
   }
   if (d.size() != num_channels) return;
   for (Eigen::Index i = 0; i < num_channels; ++i) {
@@ -86,7 +90,7 @@ MultipleModel::MultipleModel(const ModeSet& modes, const MultipleModelOptions& o
                              std::vector<std::vector<int>> rows)
     : vector_(options.vector, std::move(rows), modes.topologies.front().num_measurements()),
       bank_(modes.models(), options.bank, modes.names()),
-      publisher_(modes),
+      publisher_(modes, options.bank.filter.input_std),
       output_(options.output) {
   bank_.start(options.start.gaussian(modes.topologies.front().num_states()));
   bool is_direct = !options.bank.filter.improves_input;

@@ -34,7 +34,8 @@ class VectorOfRows {
 /// plant; a channel that the mode does not list is zero for certain.
 class InputStatePublisher {
  public:
-  explicit InputStatePublisher(const ModeSet& modes);
+  /// input_std: of an input of which nothing arrived.
+  InputStatePublisher(const ModeSet& modes, double input_std);
 
   /// Means, covariances, innovation N' r (white, chi-square by its covariance N' S N) of the filter
   /// after a step in a mode.
@@ -52,6 +53,7 @@ class InputStatePublisher {
  private:
   std::vector<std::vector<int>> channels_;  // of each mode
   int num_channels_;
+  double input_variance_;
   bool is_direct_ = false;
   InnovationRecord innovation_;
 };

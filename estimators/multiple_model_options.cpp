@@ -51,6 +51,16 @@ void read_rule(ConfigurationMap& map, InputStateRule& rule) {
   map.read("improve_input", rule.improves_input);
 }
 
+void read_unknown_input_vector(ConfigurationMap& map, VectorOptions& vector) {
+  vector.packet = PacketRule::kFirst;
+  vector.read(map);
+  if (vector.packet == PacketRule::kNearest || vector.gate_probability < 1.0) {
+    map.problem("packet",
+                "which packet is near depends on inputs that are unknown here: use first, last or "
+                "mean, and no gate");
+  }
+}
+
 void MultipleModelOptions::read(ConfigurationMap& map, const ModeSet& modes) {
   using FloorRule = ModeBankOptions::FloorRule;
   const std::size_t num_modes = modes.modes.size();
@@ -74,13 +84,7 @@ void MultipleModelOptions::read(ConfigurationMap& map, const ModeSet& modes) {
   }
   map.read_choice("output", output,
                   {{"most_probable", Output::kMostProbable}, {"mixture", Output::kMixture}});
-  vector.packet = PacketRule::kFirst;
-  vector.read(map);
-  if (vector.packet == PacketRule::kNearest || vector.gate_probability < 1.0) {
-    map.problem("packet",
-                "which packet is near depends on inputs that are unknown here: use "
-                "first, last or mean, and no gate");
-  }
+  read_unknown_input_vector(map, vector);
 }
 
 }  // namespace holdfast

@@ -12,6 +12,10 @@ namespace holdfast {
 /// Reads `likelihood`, `input_std` and `improve_input`.
 void read_rule(ConfigurationMap& map, InputStateRule& rule);
 
+/// Reads `packet`, kFirst unless said otherwise. Reports a gate and `packet: nearest`: how near a
+/// packet is depends on inputs that are unknown.
+void read_unknown_input_vector(ConfigurationMap& map, VectorOptions& vector);
+
 /// Keys of `method: multiple_model`; the modes are read apart (ModeSet).
 struct MultipleModelOptions {
   enum class Output {
@@ -25,7 +29,6 @@ struct MultipleModelOptions {
   Output output = Output::kMostProbable;
   VectorOptions vector;
 
-  /// Reports a gate and `packet: nearest`: how near a packet is depends on inputs that are unknown.
   void read(ConfigurationMap& map, const ModeSet& modes);
 };
 

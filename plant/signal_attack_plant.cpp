@@ -56,7 +56,15 @@ void SignalAttackPlantOptions::read(ConfigurationMap& map, const ModeSet& modes,
                                         model.attack_names, folder);
   inputs =
       read_channel_signals(map, "inputs", "the plant's known inputs", model.input_names, folder);
+  map.read("attack_gain", attack_gain);
   read_mode_changes(map, modes, mode_changes);
+}
+
+Eigen::VectorXd SignalAttackPlantOptions::attack(std::int64_t step,
+                                                 const SystemModel& model) const {
+  Eigen::VectorXd a = Eigen::VectorXd::Zero(model.num_attack_channels());
+  add_signals(signal_attacks, step, model.step_s, a);
+  return attack_gain * a;
 }
 
 Eigen::VectorXd SignalAttackPlantOptions::input(std::int64_t step, const SystemModel& model) const {
@@ -114,23 +122,19 @@ void SignalAttackPlant::set_mode() {
     if (change.from_step > step_.step) break;
     mode_ = static_cast<std::size_t>(change.mode);
   }
-  if (!modes_.modes.empty()) {
-    topology_ = static_cast<std::size_t>(modes_.modes[mode_].topology);
-  }
+  topology_ = static_cast<std::size_t>(modes_.modes[mode_].topology);
 }
 
 void SignalAttackPlant::set_attack() {
   attack_.setZero();
   add_signals(options_.signal_attacks, step_.step, model().step_s, attack_);
-  if (modes_.modes.size() > 1) {
-    const std::vector<int>& channels = modes_.modes[mode_].channels;
-    for (int channel = 0; channel < static_cast<int>(attack_.size()); ++channel) {
-      if (!std::binary_search(channels.begin(), channels.end(), channel)) attack_[channel] = 0.0;
-    }
-    step_.mode = static_cast<int>(mode_);
-  } else {
-    step_.mode = attack_.isZero(0.0) ? 0 : 1;
+  attack_ *= options_.attack_gain;
+  const std::vector<int>& channels = modes_.modes[mode_].channels;
+  for (int channel = 0; channel < static_cast<int>(attack_.size()); ++channel) {
+    if (!std::binary_search(channels.begin(), channels.end(), channel)) attack_[channel] = 0.0;
   }
+  const bool has_modes = modes_.modes.size() > 1;
+  step_.mode = has_modes ? static_cast<int>(mode_) : attack_.isZero(0.0) ? 0 : 1;
   if (attack_.size() > 0) {
     std::copy(attack_.begin(), attack_.end(), step_.attack_signals.front().value.begin());
   }

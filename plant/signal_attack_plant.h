@@ -23,12 +23,15 @@ struct SignalAttackPlantOptions {
   int start_step = 1;                         // 0: x_0, which moves once before the first reading
   std::vector<double> start_std;              // [n], of a random start around it; zeros: none
   std::vector<ChannelSignal> signal_attacks;  // channel: column of G and H
+  double attack_gain = 1.0;                   // multiplies all of them
   std::vector<ModeChange> mode_changes;       // steps ascend; mode 0 before the first
   std::vector<ChannelSignal> inputs;          // u, known to everyone
 
   /// Keys start_state, start_step, start_std, signal_attacks, a list of {channel, window, waveform
-  /// ...}, mode_changes, a list of {mode, from_step}, and inputs, as signal_attacks.
+  /// ...}, attack_gain, mode_changes, a list of {mode, from_step}, and inputs, as signal_attacks.
   void read(ConfigurationMap& map, const ModeSet& modes, const std::string& folder);
+  /// a of a step, as if every mode listed all channels.
+  Eigen::VectorXd attack(std::int64_t step, const SystemModel& model) const;
   /// u of a step.
   Eigen::VectorXd input(std::int64_t step, const SystemModel& model) const;
 };
@@ -42,7 +45,8 @@ struct SignalAttackPlantOptions {
 /// a_k is not zero, else 0; else the mode's index.
 class SignalAttackPlant : public Plant {
  public:
-  /// rows[source]: which rows of y that source sends. Precondition: no topology has problems().
+  /// rows[source]: which rows of y that source sends. Precondition: no topology has problems(), and
+  /// there is a mode.
   SignalAttackPlant(ModeSet modes, SignalAttackPlantOptions options,
                     std::vector<std::vector<int>> rows, std::uint64_t seed, std::uint32_t run);
 

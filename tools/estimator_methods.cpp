@@ -112,6 +112,11 @@ void tie(ConfigurationMap map, const MethodContext& context, AttackAssumptions::
 template <class Filter, class Options>
 void read_for_system(ConfigurationMap& map, const MethodContext& context, EstimatorEntry& entry) {
   const SystemModel model = read_believed_model(map, context);
+  if (model.num_inputs() > 0) {
+    map.problem("method", "'" + entry.method +
+                              "' takes no known inputs, and the plant has some: "
+                              "multiple_model with one mode is the Kalman filter that does");
+  }
   Options options;
   if constexpr (requires { options.delivery_probability; }) tie(map, context, options);
   if constexpr (requires { options.assumes; }) {
@@ -169,6 +174,9 @@ void read_mode_oracle(ConfigurationMap& map, const MethodContext& context, Estim
   if (entry.input != EstimatorEntry::Input::kTold) {
     map.problem("input", "must be told: this filter knows the mode");
   }
+  if (entry.mode_names != context.plant.system()->source.modes.names()) {
+    map.problem("modes", "must be the plant's: the filter is told which of them holds");
+  }
 }
 
 struct Method {
@@ -218,9 +226,8 @@ int EstimatorEntry::own_mode(int plant_mode, const PlantSetup& plant) const {
   if (mode_names.empty() || plant.system() == nullptr) return plant_mode;
   const std::vector<PlantMode>& modes = plant.system()->source.modes.modes;
   // A plant with one mode says whether it is attacked, not which mode it is in.
-  if (modes.size() < 2 || plant_mode < 0 || plant_mode >= static_cast<int>(modes.size())) {
-    return modes.size() < 2 ? 0 : -1;
-  }
+  if (modes.size() == 1) plant_mode = 0;
+  if (plant_mode < 0 || plant_mode >= static_cast<int>(modes.size())) return -1;
   const auto found = std::find(mode_names.begin(), mode_names.end(),
                                modes[static_cast<std::size_t>(plant_mode)].name);
   return found == mode_names.end() ? -1 : static_cast<int>(found - mode_names.begin());

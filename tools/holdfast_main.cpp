@@ -15,6 +15,7 @@ struct Command {
 };
 
 constexpr Command kCommands[] = {
+    {"check", "which attacks can be corrected, before any run"},
     {"run", "run a scenario live and print its results"},
     {"campaign", "run a scenario many times in process"},
     {"reproduce", "run a paper's figures and tables and compare"},

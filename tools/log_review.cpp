@@ -86,6 +86,7 @@ class Reviewer {
     review_.family = facts_.family;
     review_.metrics_options.seed = review_.seed;
     review_.metrics_options.detection_threshold = facts_.detection_threshold;
+    review_.metrics_options.mode_hold_steps = facts_.mode_hold_steps;
     review_.metrics_options.groups = facts_.groups;
     review_.is_attacked = attacked_steps(trace_);
     review_.backward_log_times = trace_.backward_log_times;

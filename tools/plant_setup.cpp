@@ -88,8 +88,8 @@ void PlantSetup::read(ConfigurationMap map, const std::string& folder) {
       setup.source.modes.read(map);
       setup.options.read(map, setup.source.modes, folder);
     } else {
-      for (const char* key : {"start_state", "start_step", "start_std", "signal_attacks", "inputs",
-                              "modes", "generated_modes", "mode_changes"})
+      for (const char* key : {"start_state", "start_step", "start_std", "signal_attacks",
+                              "attack_gain", "inputs", "modes", "generated_modes", "mode_changes"})
         map.raw(key);
     }
     return;

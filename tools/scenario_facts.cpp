@@ -75,6 +75,8 @@ ScenarioFacts read_facts(const std::string& yaml) {
   if (campaign.IsMap()) {
     const double threshold = value_or<double>(campaign["detection_threshold"], 0.5);
     if (threshold >= 0.0 && threshold <= 1.0) facts.detection_threshold = threshold;
+    facts.mode_hold_steps = std::clamp<std::int64_t>(
+        value_or<std::int64_t>(campaign["mode_hold_steps"], 1), 1, 1'000'000);
     const auto truth = value_or<std::string>(campaign["attack_truth"], "any");
     if (truth == "signals") facts.attack_truth = AttackTruth::kSignals;
     if (truth == "frames") facts.attack_truth = AttackTruth::kFrames;

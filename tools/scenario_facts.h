@@ -16,6 +16,7 @@ struct ScenarioFacts {
   std::int64_t num_steps = 0;  // 0: not said
   double step_s = 0.0;         // of the plant's model; 0: not said
   double detection_threshold = 0.5;
+  std::int64_t mode_hold_steps = 1;
   AttackTruth attack_truth = AttackTruth::kAny;
   std::vector<std::string> state_names;
   /// A state whose index is no whole number from 0 stands as one that no plant has.

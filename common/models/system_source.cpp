@@ -16,6 +16,22 @@ bool has_equal_matrices(const SystemModel& one, const SystemModel& other) {
          is_equal(one.Q, other.Q) && is_equal(one.R, other.R);
 }
 
+// Topologies are the same plant, connected otherwise.
+void check_alike(ConfigurationMap& map, const std::vector<SystemModel>& topologies) {
+  const SystemModel& first = topologies.front();
+  for (const SystemModel& other : topologies) {
+    if (other.num_states() == first.num_states() &&
+        other.num_measurements() == first.num_measurements() &&
+        other.num_attack_channels() == first.num_attack_channels() &&
+        other.num_inputs() == first.num_inputs() && other.step_s == first.step_s) {
+      continue;
+    }
+    return map.problem("topologies",
+                       "must agree in step_s and in the numbers of states, measurements, "
+                       "attack channels and known inputs");
+  }
+}
+
 }  // namespace
 
 const std::vector<std::string>& SystemSource::kind_names() {
@@ -81,6 +97,12 @@ void SystemSource::set_topologies(ConfigurationMap& map, const SystemModel& mode
   if (own.topologies.empty()) {
     own.topologies = {model};
     own.topology_names = {"all"};
+  }
+  check_alike(map, own.topologies);
+  // Modes name topologies and channels by their places: with other places they mean nothing.
+  if (own.topology_names != modes.topology_names || modes.topologies.empty() ||
+      own.topologies.front().attack_names != modes.topologies.front().attack_names) {
+    modes.modes.clear();
   }
   modes.topologies = std::move(own.topologies);
   modes.topology_names = std::move(own.topology_names);

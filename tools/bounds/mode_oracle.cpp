@@ -8,15 +8,14 @@ namespace holdfast {
 void ModeOracleOptions::read(ConfigurationMap& map, const ModeSet& modes) {
   start.read(map.map("start"), modes.topologies.front().num_states());
   read_rule(map, filter);
-  vector.packet = PacketRule::kFirst;
-  vector.read(map);
+  read_unknown_input_vector(map, vector);
 }
 
 ModeOracle::ModeOracle(const ModeSet& modes, const ModeOracleOptions& options,
                        std::vector<std::vector<int>> rows)
     : vector_(options.vector, std::move(rows), modes.topologies.front().num_measurements()),
       filter_(modes.models(), options.filter, modes.names()),
-      publisher_(modes) {
+      publisher_(modes, options.filter.input_std) {
   filter_.start(options.start.gaussian(modes.topologies.front().num_states()));
   bool is_direct = !options.filter.improves_input;
   for (std::size_t j = 0; j < modes.modes.size(); ++j) {

@@ -104,6 +104,7 @@ PaperFigure read_figure(ConfigurationMap& map, const Paper& paper) {
                    {"readings", PaperFigure::Kind::kReadings},
                    {"states", PaperFigure::Kind::kStates},
                    {"attack", PaperFigure::Kind::kAttack},
+                   {"modes", PaperFigure::Kind::kModes},
                    {"packets", PaperFigure::Kind::kPackets}});
   map.require("campaign");
   map.read("campaign", figure.campaign);

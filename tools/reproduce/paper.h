@@ -39,14 +39,15 @@ struct PaperTable {
 };
 
 /// One figure. kCurve: a metric's curve over the steps; kSweep: a metric over a sweep's values; the
-/// others show one run: kPath two states against each other, kReadings what sources sent, kStates
-/// and kAttack states and attack signals with their estimates, kPackets how many arrived.
+/// others show one run: kPath two states against each other, kReadings what sources sent, kStates,
+/// kAttack and kModes states, attack signals and modes with their estimates, kPackets how many
+/// arrived.
 struct PaperFigure {
-  enum class Kind { kCurve, kSweep, kPath, kReadings, kStates, kAttack, kPackets };
+  enum class Kind { kCurve, kSweep, kPath, kReadings, kStates, kAttack, kModes, kPackets };
 
   std::string name, title, campaign, metric, group, x_label, y_label;
   std::vector<std::string> estimators;  // empty: all
-  std::vector<std::int64_t> sources;    // of kReadings; which states or channels of the others
+  std::vector<std::int64_t> sources;    // of kReadings; which states, channels or modes of others
   Kind kind = Kind::kCurve;
   std::int64_t run = 0;  // of a single run
 };

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <span>
 
 #include "tools/campaign/campaign_figures.h"
 #include "tools/reproduce/reproduction.h"
@@ -73,9 +74,37 @@ void draw_path(const PaperFigure& figure, const Experiment& experiment, Figure& 
   drawn.series.push_back(std::move(sensors));
 }
 
-// Truth and estimates of some states, or of some channels of the attack signal, over one run.
+std::span<const double> span_of(const Eigen::VectorXd& values) {
+  return {values.data(), static_cast<std::size_t>(values.size())};
+}
+
+// What really was, of what the figure shows; a mode is one or zero.
+std::span<const double> true_values(PaperFigure::Kind kind, const PlantStep& truth,
+                                    std::vector<double>& modes) {
+  if (kind == PaperFigure::Kind::kStates) return span_of(truth.state);
+  if (kind == PaperFigure::Kind::kAttack) {
+    if (truth.attack_signals.empty()) return {};
+    return truth.attack_signals.front().value;
+  }
+  std::fill(modes.begin(), modes.end(), 0.0);
+  if (truth.mode >= 0 && static_cast<std::size_t>(truth.mode) < modes.size()) {
+    modes[static_cast<std::size_t>(truth.mode)] = 1.0;
+  }
+  return modes;
+}
+
+std::span<const double> estimated_values(PaperFigure::Kind kind, const Estimate& estimate) {
+  if (kind == PaperFigure::Kind::kStates) return span_of(estimate.mean);
+  if (kind == PaperFigure::Kind::kAttack) return span_of(estimate.input_mean);
+  return estimate.mode_probability;
+}
+
+// Truth and estimates of some states, channels of the attack signal or modes, over one run.
 void draw_signals(const PaperFigure& figure, const Experiment& experiment, Figure& drawn) {
-  const bool is_attack = figure.kind == PaperFigure::Kind::kAttack;
+  std::vector<double> modes(
+      figure.sources.empty()
+          ? 0U
+          : static_cast<std::size_t>(*std::ranges::max_element(figure.sources)) + 1U);
   Simulation simulation(experiment, static_cast<std::uint32_t>(figure.run));
   const std::size_t num_estimators = simulation.entries().size();
   for (const std::int64_t source : figure.sources) {
@@ -86,31 +115,23 @@ void draw_signals(const PaperFigure& figure, const Experiment& experiment, Figur
       drawn.series.back().is_dashed = true;
     }
   }
-  const auto add = [](FigureSeries& series, double x, const double* values, std::size_t size,
+  const auto add = [](FigureSeries& series, double x, std::span<const double> values,
                       std::int64_t index) {
-    if (index < 0 || static_cast<std::size_t>(index) >= size) return;
+    if (index < 0 || static_cast<std::size_t>(index) >= values.size()) return;
     series.x.push_back(x);
-    series.y.push_back(values[index]);
+    series.y.push_back(values[static_cast<std::size_t>(index)]);
   };
   while (simulation.advance()) {
     const PlantStep& truth = simulation.truth();
     const auto step = static_cast<double>(truth.step);
     std::size_t place = 0;
     for (const std::int64_t source : figure.sources) {
-      FigureSeries& true_series = drawn.series[place++];
-      if (!is_attack) {
-        add(true_series, step, truth.state.data(), static_cast<std::size_t>(truth.state.size()),
-            source);
-      } else if (!truth.attack_signals.empty()) {
-        const std::vector<double>& value = truth.attack_signals.front().value;
-        add(true_series, step, value.data(), value.size(), source);
-      }
+      add(drawn.series[place++], step, true_values(figure.kind, truth, modes), source);
       for (std::size_t i = 0; i < num_estimators; ++i) {
         const Estimate& estimate = *simulation.estimates()[i];
-        const Eigen::VectorXd& values = is_attack ? estimate.input_mean : estimate.mean;
+        const bool is_attack = figure.kind == PaperFigure::Kind::kAttack;
         const double x = is_attack ? static_cast<double>(estimate.input_step) : step;
-        add(drawn.series[place++], x, values.data(), static_cast<std::size_t>(values.size()),
-            source);
+        add(drawn.series[place++], x, estimated_values(figure.kind, estimate), source);
       }
     }
   }
@@ -190,6 +211,7 @@ Figure draw(const PaperFigure& figure, const PaperCampaign& campaign, const Camp
       return drawn;
     case PaperFigure::Kind::kStates:
     case PaperFigure::Kind::kAttack:
+    case PaperFigure::Kind::kModes:
       draw_signals(figure, experiment, drawn);
       drawn.note = "Run " + std::to_string(figure.run) + " of the campaign.";
       return drawn;

@@ -1,0 +1,275 @@
+#include "estimators/mode_theory.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "common/random_stream.h"
+
+namespace holdfast {
+namespace {
+
+using Complex = std::complex<double>;
+
+// A zero that is found by a square part of the system matrix must be one of the whole.
+constexpr double kZeroTolerance = 1e-7;
+constexpr double kRankTolerance = 1e-10;
+constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
+
+Eigen::MatrixXd scaled_inputs(const SystemModel& mode) {
+  Eigen::MatrixXd GH(mode.G.rows() + mode.H.rows(), mode.G.cols());
+  GH << mode.G, mode.H;
+  for (Eigen::Index i = 0; i < GH.cols(); ++i) {
+    const double norm = GH.col(i).norm();
+    if (norm > 0.0) GH.col(i) /= norm;
+  }
+  return GH;
+}
+
+Eigen::VectorXd singular_values_at(const SystemModel& mode, const Eigen::MatrixXd& GH, Complex z) {
+  const Eigen::Index n = mode.A.rows(), l = mode.C.rows();
+  Eigen::MatrixXcd matrix = Eigen::MatrixXcd::Zero(n + l, n + GH.cols());
+  matrix.topLeftCorner(n, n) = mode.A.cast<Complex>();
+  matrix.diagonal().head(n).array() -= z;
+  matrix.bottomLeftCorner(l, n) = mode.C.cast<Complex>();
+  matrix.rightCols(GH.cols()) = GH.cast<Complex>();
+  // Far from the origin the identity outweighs all: its rows are brought back to size.
+  matrix.topRows(n) /= std::max(1.0, std::abs(z));
+  return Eigen::JacobiSVD<Eigen::MatrixXcd>(matrix).singularValues();
+}
+
+// Zeros of a random square part of the system matrix: those of the whole, and some more.
+std::vector<Complex> candidates(const SystemModel& mode, const Eigen::MatrixXd& GH,
+                                std::uint32_t attempt) {
+  const Eigen::Index n = mode.A.rows(), l = mode.C.rows(), p = GH.cols();
+  const RandomStream stream(1, attempt, "theory/compression");
+  Eigen::MatrixXd M(p, l);
+  for (Eigen::Index i = 0; i < M.size(); ++i) {
+    M.data()[i] = stream.normal(1, static_cast<std::uint64_t>(i));
+  }
+  Eigen::MatrixXd left = Eigen::MatrixXd::Zero(n + p, n + p);
+  Eigen::MatrixXd right = Eigen::MatrixXd::Zero(n + p, n + p);
+  left.topLeftCorner(n, n) = mode.A;
+  left.topRightCorner(n, p) = GH.topRows(n);
+  left.bottomLeftCorner(p, n) = M * mode.C;
+  left.bottomRightCorner(p, p) = M * GH.bottomRows(l);
+  right.topLeftCorner(n, n).setIdentity();
+  const Eigen::GeneralizedEigenSolver<Eigen::MatrixXd> solver(left, right, false);
+  std::vector<Complex> zeros;
+  for (Eigen::Index i = 0; i < n + p; ++i) {
+    const double beta = solver.betas()[i];
+    if (std::abs(beta) > 1e-12 * std::max(1.0, std::abs(solver.alphas()[i]))) {
+      zeros.push_back(solver.alphas()[i] / beta);
+    }
+  }
+  return zeros;
+}
+
+std::vector<Complex> invariant_zeros(const SystemModel& mode, const Eigen::MatrixXd& GH) {
+  std::vector<Complex> zeros;
+  for (const Complex z : candidates(mode, GH, 0)) {
+    const Eigen::VectorXd values = singular_values_at(mode, GH, z);
+    const double smallest = values.size() == 0 ? 1.0 : values[values.size() - 1];
+    if (smallest <= kZeroTolerance * values[0]) zeros.push_back(z);
+  }
+  std::sort(zeros.begin(), zeros.end(), [](Complex a, Complex b) {
+    if (std::abs(std::abs(a) - std::abs(b)) > 1e-12) return std::abs(a) > std::abs(b);
+    return a.imag() > b.imag();
+  });
+  return zeros;
+}
+
+double binomial(int n, int k) {
+  if (k < 0 || k > n) return 0.0;
+  return std::round(
+      std::exp(std::lgamma(n + 1.0) - std::lgamma(k + 1.0) - std::lgamma(n - k + 1.0)));
+}
+
+// Truth in one mode and filter in another as one linear system: s = [x; x_hat; d1_hat].
+class JointMoments {
+ public:
+  JointMoments(const SystemModel& truth, const SystemModel& believed, const InputStateRule& rule,
+               const Gaussian& start)
+      : truth_(truth),
+        filter_({believed}, rule),
+        rows_(static_cast<std::size_t>(truth.num_measurements())),
+        n_(truth.num_states()),
+        no_reading_(Eigen::VectorXd::Zero(truth.num_measurements())) {
+    std::iota(rows_.begin(), rows_.end(), 0);
+    filter_.start(start);
+    x_mean_ = start.mean;
+    x_covariance_ = start.covariance;
+  }
+
+  // E log L of this step's readings; 0 in the first.
+  double step(const Eigen::VectorXd& attack, const Eigen::VectorXd& u) {
+    const bool is_first = mean_.size() == 0;
+    const DecoupledMode* from = is_first ? nullptr : &filter_.current();
+    if (filter_.step(0, rows_, no_reading_, u).kind == InputStateResult::Kind::kFailed) {
+      return kNoValue;
+    }
+    const double value = is_first ? begin(attack, u) : advance(*from, attack, u);
+    attack_ = attack;
+    u_ = u;
+    return value;
+  }
+
+ private:
+  // x_hat is the start itself, d1_hat follows from the reading.
+  double begin(const Eigen::VectorXd& attack, const Eigen::VectorXd& u) {
+    const DecoupledMode& now = filter_.current();
+    const Eigen::Index seen = now.num_seen(), l = truth_.num_measurements();
+    mean_ = Eigen::VectorXd::Zero(2 * n_ + seen);
+    covariance_ = Eigen::MatrixXd::Zero(mean_.size(), mean_.size());
+    mean_.head(n_) = x_mean_;
+    mean_.segment(n_, n_) = x_mean_;
+    const Eigen::VectorXd y = truth_.C * x_mean_ + offset(attack, u);
+    const Eigen::MatrixXd M1T1 = now.M1 * now.T1;
+    mean_.tail(seen) = M1T1 * y - now.M1 * (now.C1 * x_mean_);
+    if (u.size() > 0) mean_.tail(seen) -= now.M1 * (now.D1 * u);
+    Eigen::MatrixXd of_x = Eigen::MatrixXd::Zero(mean_.size(), n_);
+    of_x.topRows(n_).setIdentity();
+    of_x.bottomRows(seen) = M1T1 * truth_.C;
+    Eigen::MatrixXd of_v = Eigen::MatrixXd::Zero(mean_.size(), l);
+    of_v.bottomRows(seen) = M1T1;
+    covariance_ = of_x * x_covariance_ * of_x.transpose() + of_v * truth_.R * of_v.transpose();
+    return 0.0;
+  }
+
+  double advance(const DecoupledMode& from, const Eigen::VectorXd& attack,
+                 const Eigen::VectorXd& u) {
+    const DecoupledMode& now = filter_.current();
+    const InputStateGains& gains = filter_.gains();
+    const Eigen::Index size = mean_.size(), seen = now.num_seen(), l = truth_.num_measurements();
+    // x moves; predicted = A x_hat + G1 d1_hat; y = C x + v; r = T2 y - C2 predicted.
+    Eigen::MatrixXd x_of = Eigen::MatrixXd::Zero(n_, size);
+    x_of.leftCols(n_) = truth_.A;
+    Eigen::VectorXd x_offset = truth_.G * attack_;
+    Eigen::MatrixXd predicted_of = Eigen::MatrixXd::Zero(n_, size);
+    predicted_of.middleCols(n_, n_) = from.A;
+    predicted_of.rightCols(seen) = from.G1;
+    Eigen::VectorXd predicted_offset = Eigen::VectorXd::Zero(n_);
+    if (u.size() > 0) {
+      x_offset += truth_.B * u_;
+      predicted_offset = from.B * u_;
+    }
+    const Eigen::VectorXd y_offset = truth_.C * x_offset + offset(attack, u);
+    const Eigen::MatrixXd r_of = now.T2 * truth_.C * x_of - now.C2 * predicted_of;
+    const Eigen::MatrixXd r_of_w = now.T2 * truth_.C, r_of_v = now.T2;
+    Eigen::VectorXd r_offset = now.T2 * y_offset - now.C2 * predicted_offset;
+    if (u.size() > 0) r_offset -= now.D2 * u;
+    const Eigen::MatrixXd Kx = gains.Kx, W = gains.W;
+    const Eigen::MatrixXd M1T1 = now.M1 * now.T1, M1C1 = now.M1 * now.C1;
+
+    const Eigen::MatrixXd noise_r = r_of * covariance_ * r_of.transpose() +
+                                    r_of_w * truth_.Q * r_of_w.transpose() +
+                                    r_of_v * truth_.R * r_of_v.transpose();
+    const Eigen::VectorXd mean_r = r_of * mean_ + r_offset;
+    const double expected = (W * noise_r).trace() + mean_r.dot(W * mean_r);
+
+    Eigen::MatrixXd next(size, size), of_w(size, n_), of_v(size, l);
+    Eigen::VectorXd next_offset(size);
+    next.topRows(n_) = x_of;
+    next.middleRows(n_, n_) = predicted_of + Kx * r_of;
+    next.bottomRows(seen) = M1T1 * truth_.C * x_of - M1C1 * next.middleRows(n_, n_);
+    of_w.topRows(n_).setIdentity();
+    of_w.middleRows(n_, n_) = Kx * r_of_w;
+    of_w.bottomRows(seen) = M1T1 * truth_.C - M1C1 * of_w.middleRows(n_, n_);
+    of_v.topRows(n_).setZero();
+    of_v.middleRows(n_, n_) = Kx * r_of_v;
+    of_v.bottomRows(seen) = M1T1 - M1C1 * of_v.middleRows(n_, n_);
+    next_offset.head(n_) = x_offset;
+    next_offset.segment(n_, n_) = predicted_offset + Kx * r_offset;
+    next_offset.tail(seen) = M1T1 * y_offset - M1C1 * next_offset.segment(n_, n_);
+    if (u.size() > 0) next_offset.tail(seen) -= now.M1 * (now.D1 * u);
+    mean_ = (next * mean_ + next_offset).eval();
+    covariance_ = (next * covariance_ * next.transpose() + of_w * truth_.Q * of_w.transpose() +
+                   of_v * truth_.R * of_v.transpose())
+                      .eval();
+    return gains.log_constant - 0.5 * expected;
+  }
+
+  // What y has beside C x and noise.
+  Eigen::VectorXd offset(const Eigen::VectorXd& attack, const Eigen::VectorXd& u) const {
+    Eigen::VectorXd y = truth_.H * attack;
+    if (u.size() > 0) y += truth_.D * u;
+    return y;
+  }
+
+  const SystemModel& truth_;
+  InputStateFilter filter_;
+  std::vector<int> rows_;
+  Eigen::Index n_;
+  Eigen::VectorXd no_reading_, x_mean_, mean_, attack_, u_;
+  Eigen::MatrixXd x_covariance_, covariance_;
+};
+
+}  // namespace
+
+ModeTheory analyse_mode(const SystemModel& mode) {
+  ModeTheory theory;
+  const Eigen::MatrixXd GH = scaled_inputs(mode);
+  const Eigen::VectorXd generic = singular_values_at(mode, GH, Complex(0.8312, 0.4713));
+  const Eigen::Index num_columns = mode.A.rows() + GH.cols();
+  theory.is_invertible = mode.A.rows() + mode.C.rows() >= num_columns &&
+                         generic[num_columns - 1] > kRankTolerance * generic[0];
+  if (theory.is_invertible) theory.zeros = invariant_zeros(mode, GH);
+  std::vector<int> rows(static_cast<std::size_t>(mode.num_measurements()));
+  std::iota(rows.begin(), rows.end(), 0);
+  const DecoupledMode decoupled = decouple(mode, rows);
+  theory.undetermined_inputs = undetermined_inputs(make_transition(decoupled, decoupled));
+  return theory;
+}
+
+double num_models_needed(int tm, int ta, int ts, int p, int na, int ns) {
+  double sum = 0.0;
+  const int most = std::min({na, ta, p});
+  for (int i = 0; i <= most; ++i) {
+    const int sensors = std::min({p - i, ns, ts});
+    // With one more actuator and as many sensors the set would still be allowed: that contains it.
+    if (sensors < p - i && i < most) continue;
+    sum += binomial(ta, i) * binomial(ts, sensors);
+  }
+  return tm * sum;
+}
+
+double ModeDivergence::per_step() const {
+  if (log_ratio.empty()) return 0.0;
+  const std::size_t first = log_ratio.size() / 2;
+  double sum = 0.0;
+  for (std::size_t k = first; k < log_ratio.size(); ++k) sum += log_ratio[k];
+  return sum / static_cast<double>(log_ratio.size() - first);
+}
+
+int ModeDivergence::delay_steps() const {
+  const double wanted = std::log(99.0);
+  double sum = 0.0;
+  int delay = -1;
+  for (std::size_t k = 0; k < log_ratio.size(); ++k) {
+    sum += std::isfinite(log_ratio[k]) ? log_ratio[k] : 1e300;
+    if (sum < wanted) {
+      delay = -1;
+    } else if (delay < 0) {
+      delay = static_cast<int>(k) + 1;
+    }
+  }
+  return delay;
+}
+
+ModeDivergence find_divergence(const SystemModel& truth, const SystemModel& rival,
+                               const InputStateRule& rule, const Gaussian& start,
+                               const ModeSignals& signals, int num_steps) {
+  JointMoments own(truth, truth, rule, start), other(truth, rival, rule, start);
+  ModeDivergence divergence;
+  for (std::int64_t step = 1; step <= num_steps; ++step) {
+    const Eigen::VectorXd attack = signals.attack(step), u = signals.input(step);
+    const double of_own = own.step(attack, u), of_other = other.step(attack, u);
+    if (step > 1) divergence.log_ratio.push_back(of_own - of_other);
+  }
+  return divergence;
+}
+
+}  // namespace holdfast
