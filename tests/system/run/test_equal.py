@@ -98,6 +98,15 @@ class EqualTest(RunTest):
         self.check(network_scenario("ieee14"), ("hybrid",), (
             *EARLY_ATTACK, *sets(attacks__injection__value=replay), *ONLY_HYBRID))
 
+    def test_modes_of_three_areas(self):
+        # The ties open within the forty steps that are run.
+        self.check(network_scenario("three_area"), ("static", "dynamic"), ("--set", "plant.mode_changes.1.from_step=20"))
+
+    def test_known_inputs_and_attack_locations(self):
+        extra = [part for entry in ("plant.mode_changes.1.from_step=20", "plant.inputs.0.window.first_step=5")
+                 for part in ("--set", entry)]
+        self.check(network_scenario("attack_locations"), ("static", "flat", "dynamic"), extra)
+
     def test_smoothers_live_by_a_fixed_lag_and_over_the_whole_log(self):
         scenario = network_scenario("turning_target")
         small = sets(steps=40, period_s=0.005, estimators__mixture__smoother__lag_steps=5)
