@@ -47,7 +47,20 @@ void check_replay(ConfigurationMap& map, const AttackRule& rule) {
   }
 }
 
-void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
+// What each signal makes of the number of the step; all share it, so that there is nothing to draw.
+void read_gains(ConfigurationMap& map, AttackRule& rule) {
+  const std::vector<double> gains = read_numbers(map, "gain", rule.values.size(), 1.0, kFinite);
+  for (std::size_t i = 0; i < rule.values.size(); ++i) {
+    rule.values[i].value = gains[i];
+    if (rule.values[i].std != rule.values[0].std)
+      map.problem("std", "one walk has one std; use gain");
+  }
+  if (rule.value_draw != AttackRule::ValueDraw::kSignal) {
+    map.problem("draw", "signals share one number for each step already; leave draw out");
+  }
+}
+
+void read_values(ConfigurationMap& rule_map, const std::string& folder, AttackRule& rule) {
   using Kind = ValueDistribution::Kind;
   const bool is_default = rule.action == AttackRule::Action::kForce && !rule_map.has("value");
   if (!is_default) rule_map.require("value");
@@ -58,7 +71,9 @@ void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
                    {"uniform", Kind::kUniform},
                    {"normal", Kind::kNormal},
                    {"bernoulli", Kind::kBernoulli},
-                   {"replay", Kind::kReplay}});
+                   {"replay", Kind::kReplay},
+                   {"waveform", Kind::kWaveform},
+                   {"random_walk", Kind::kRandomWalk}});
   map.read_choice("draw", rule.value_draw,
                   {{"signal", AttackRule::ValueDraw::kSignal},
                    {"frame", AttackRule::ValueDraw::kFrame},
@@ -94,6 +109,14 @@ void read_values(ConfigurationMap& rule_map, AttackRule& rule) {
       check_replay(map, rule);
       read_replay(map, rule.replay);
       break;
+    case Kind::kWaveform:
+      rule.waveform.read(map, folder);
+      read_gains(map, rule);
+      break;
+    case Kind::kRandomWalk:
+      fill("std", &ValueDistribution::std, kFiniteNonNegative);
+      read_gains(map, rule);
+      break;
   }
 }
 
@@ -128,7 +151,8 @@ void read_flip(ConfigurationMap& map, AttackRule& rule, const Messages& selected
   }
 }
 
-void read_signals_and_values(ConfigurationMap& map, AttackRule& rule, const Messages& selected) {
+void read_signals_and_values(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
+                             const Messages& selected) {
   if (map.has("signals")) {
     map.read("signals", rule.signals);
     if (map.has("signal")) {
@@ -154,12 +178,12 @@ void read_signals_and_values(ConfigurationMap& map, AttackRule& rule, const Mess
     for (const std::string& signal : rule.signals)
       check_signal(map, key, signal, rule.match, selected);
   }
-  read_values(map, rule);
+  read_values(map, folder, rule);
 }
 
-void read_inject(ConfigurationMap& map, AttackRule& rule, const FrameLayout& layout,
-                 const Messages& selected) {
-  read_signals_and_values(map, rule, selected);
+void read_inject(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
+                 const FrameLayout& layout, const Messages& selected) {
+  read_signals_and_values(map, folder, rule, selected);
   read_count(map.map("count"), rule.count);
   rule.counter_signal = layout.counter_signal;
   const bool is_own_counter = map.has("counter_signal");
@@ -233,7 +257,7 @@ void read_conditions(ConfigurationMap& map, AttackRule& rule,
   }
 }
 
-AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout,
+AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std::string& folder,
                      const std::vector<AttackRule>& earlier) {
   using Action = AttackRule::Action;
   AttackRule rule;
@@ -270,10 +294,10 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout,
     case Action::kForce:
     case Action::kAdd:
     case Action::kScale:
-      read_signals_and_values(map, rule, selected);
+      read_signals_and_values(map, folder, rule, selected);
       break;
     case Action::kInject:
-      read_inject(map, rule, layout, selected);
+      read_inject(map, folder, rule, layout, selected);
       break;
   }
   return rule;
@@ -303,11 +327,12 @@ const char* to_string(AttackRule::Action action) {
   return "unknown";
 }
 
-std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLayout& layout) {
+std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLayout& layout,
+                                          const std::string& folder) {
   std::vector<AttackRule> rules;
   std::set<std::string> names;
   for (ConfigurationMap map : parent.maps("attacks")) {
-    rules.push_back(read_rule(map, layout, rules));
+    rules.push_back(read_rule(map, layout, folder, rules));
     const std::string& name = rules.back().name;
     if (map.has("name") && name.empty()) map.problem("name", "must not be empty");
     if (!name.empty() && !names.insert(name).second)

@@ -7,6 +7,7 @@
 #include "attacker/attack_match.h"
 #include "common/configuration.h"
 #include "common/step_window.h"
+#include "common/waveform.h"
 #include "drivers/can/frame_codec.h"
 
 namespace holdfast {
@@ -14,7 +15,9 @@ namespace holdfast {
 /// Where the number comes from that a rule writes into a signal, adds to it or multiplies it by;
 /// physical units of the signal, a factor has none.
 struct ValueDistribution {
-  enum class Kind { kConstant, kUniform, kNormal, kBernoulli, kReplay };
+  // kWaveform and kRandomWalk: one number a step, times `value`; a walk starts at 0 in the first
+  // step of the rule's window and adds N(0, std^2) in each later one.
+  enum class Kind { kConstant, kUniform, kNormal, kBernoulli, kReplay, kWaveform, kRandomWalk };
 
   Kind kind = Kind::kConstant;
   double value = 0.0;            // constant
@@ -74,6 +77,7 @@ struct AttackRule {
   std::vector<ValueDistribution> values;
   ValueDraw value_draw = ValueDraw::kSignal;
   ReplayDelay replay;          // of that kind
+  Waveform waveform;           // of that kind; begins with the first step of the window
   CountDistribution count;     // inject
   std::string counter_signal;  // inject: set to step + counter_offset; "" for none
   std::int64_t counter_offset = 0;
@@ -89,10 +93,19 @@ inline bool replays(const AttackRule& rule) {
   return !rule.values.empty() && rule.values.front().kind == ValueDistribution::Kind::kReplay;
 }
 
+/// True when the rule's values follow from the step alone.
+inline bool is_over_time(const AttackRule& rule) {
+  using Kind = ValueDistribution::Kind;
+  return !rule.values.empty() && (rule.values.front().kind == Kind::kWaveform ||
+                                  rule.values.front().kind == Kind::kRandomWalk);
+}
+
 /// Rules below the list key `attacks` of the map, in their order; none when there is no such key.
 ///
 /// The layout says which names exist, which message is the tick, and the default counter signal.
-/// Every problem is reported on the map; rules are usable only when there was none.
-std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLayout& layout);
+/// Every problem is reported on the map; rules are usable only when there was none. folder: that of
+/// the scenario, for a waveform's file.
+std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLayout& layout,
+                                          const std::string& folder = "");
 
 }  // namespace holdfast

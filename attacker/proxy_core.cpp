@@ -196,10 +196,23 @@ void ProxyCore::remember(const CanFrame& frame) {
   }
 }
 
+void ProxyCore::advance_in_time(std::size_t index, bool was_open) {
+  const AttackRule& rule = rules_[index];
+  if (rule.values.front().kind == ValueDistribution::Kind::kRandomWalk) {
+    const double added = walk_draw(rule, streams_[index], static_cast<std::uint32_t>(step_));
+    over_time_[index] = was_open ? over_time_[index] + added : 0.0;
+    return;
+  }
+  over_time_[index] = rule.waveform.value(step_ - rule.window.first(step_s_), step_s_);
+}
+
 void ProxyCore::open_rules() {
   is_open_.resize(rules_.size());
+  over_time_.resize(rules_.size());
   for (std::size_t rule = 0; rule < rules_.size(); ++rule) {
+    const bool was_open = is_open_[rule] != 0;
     is_open_[rule] = rules_[rule].probability > 0.0 && rules_[rule].window.contains(step_, step_s_);
+    if (is_open_[rule] != 0 && is_over_time(rules_[rule])) advance_in_time(rule, was_open);
   }
 }
 
@@ -274,7 +287,8 @@ bool ProxyCore::write_values(const Candidate& candidate, const DrawPlace& place,
   if (target.history < 0) {
     for (std::size_t i = 0; i < target.acted_on.size(); ++i) {
       const DbcSignal& signal = target.acted_on[i];
-      const double drawn = value_draw(rule, stream, i, place);
+      const double drawn = is_over_time(rule) ? rule.values[i].value * over_time_[candidate.rule]
+                                              : value_draw(rule, stream, i, place);
       signal.pack(payload(frame), new_value(rule.action, signal, frame, drawn));
     }
     return true;

@@ -115,6 +115,7 @@ class ProxyCore {
   void add_extended(std::uint32_t identifier, const Candidate& candidate);
   std::optional<Target> make_target(const AttackRule& rule, const DbcMessage& message);
   void open_rules();
+  void advance_in_time(std::size_t index, bool was_open);
 
   bool has_tick_identifier(const CanFrame& frame) const;
   bool is_current_tick(const CanFrame& frame) const;
@@ -132,6 +133,7 @@ class ProxyCore {
   std::vector<AttackRule> rules_;
   std::vector<RandomStream> streams_;  // one per rule
   std::vector<char> is_open_;          // per rule: the current step lies in its window
+  std::vector<double> over_time_;      // per rule: waveform or walk in the current step
   // Per rule, rx_index of the frame on which it acted last: what conditions ask. An index, not a
   // flag, so that nothing has to be cleared between frames.
   std::vector<std::int64_t> last_acted_on_;

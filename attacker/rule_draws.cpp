@@ -15,6 +15,7 @@ enum Purpose : unsigned {
   kSharedDecision = 4,
   kReplayDelay = 5,
   kSharedValue = 6,
+  kWalk = 7,
   kFurtherValues = 16  // of the second signal, the third, ...
 };
 static_assert(kFurtherValues + AttackRule::kSignalsMax < 128, "a purpose has seven bits");
@@ -52,6 +53,8 @@ double value_draw(const AttackRule& rule, const RandomStream& stream, std::size_
   switch (value.kind) {
     case Kind::kConstant:
     case Kind::kReplay:
+    case Kind::kWaveform:
+    case Kind::kRandomWalk:
       break;
     case Kind::kUniform: {
       const double u = stream.uniform(place.step, where);
@@ -63,6 +66,10 @@ double value_draw(const AttackRule& rule, const RandomStream& stream, std::size_
       return stream.uniform(place.step, where) < value.probability ? 1.0 : 0.0;
   }
   return value.value;
+}
+
+double walk_draw(const AttackRule& rule, const RandomStream& stream, std::uint32_t step) {
+  return rule.values.front().std * stream.normal(step, address(0, 0, kWalk));
 }
 
 int delay_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place) {

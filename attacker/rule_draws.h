@@ -17,11 +17,14 @@ struct DrawPlace {
 /// Uniform draw that is compared with the rule's probability; the stream is the rule's own.
 double decision_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place);
 
-/// Number for signals[signal], physical units; of a rule that does not replay. With one draw for a
-/// frame or a step the signals share the underlying uniform or standard normal number, and each
+/// Number for signals[signal], physical units; of a rule whose values are drawn. With one draw for
+/// a frame or a step the signals share the underlying uniform or standard normal number, and each
 /// makes its own value of it.
 double value_draw(const AttackRule& rule, const RandomStream& stream, std::size_t signal,
                   const DrawPlace& place);
+
+/// What a random walk adds in a step.
+double walk_draw(const AttackRule& rule, const RandomStream& stream, std::uint32_t step);
 
 /// Steps back, ReplayDelay::low to high.
 int delay_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place);

@@ -34,10 +34,7 @@ void add_signals(const std::vector<ChannelSignal>& signals, std::int64_t step, d
                  Eigen::VectorXd& values) {
   for (const ChannelSignal& signal : signals) {
     if (!signal.window.contains(step, step_s)) continue;
-    const auto from_time =
-        static_cast<std::int64_t>(std::ceil(signal.window.from_s / step_s - 1e-6));
-    const std::int64_t first = std::max(signal.window.first_step, from_time);
-    values[signal.channel] += signal.waveform.value(step - first, step_s);
+    values[signal.channel] += signal.waveform.value(step - signal.window.first(step_s), step_s);
   }
 }
 

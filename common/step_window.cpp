@@ -1,5 +1,8 @@
 #include "common/step_window.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace holdfast {
 
 bool StepWindow::contains(std::int64_t step, double step_s) const {
@@ -8,6 +11,10 @@ bool StepWindow::contains(std::int64_t step, double step_s) const {
   const double slack_s = 1e-6 * step_s;
   return step >= first_step && step <= last_step && time_s >= from_s - slack_s &&
          time_s <= to_s + slack_s;
+}
+
+std::int64_t StepWindow::first(double step_s) const {
+  return std::max(first_step, static_cast<std::int64_t>(std::ceil(from_s / step_s - 1e-6)));
 }
 
 void StepWindow::read(ConfigurationMap map) {

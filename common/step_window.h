@@ -19,6 +19,8 @@ struct StepWindow {
 
   /// True when step k, whose model time is k step_s, lies in the window.
   bool contains(std::int64_t step, double step_s) const;
+  /// First step that lies in it, at step_s of model time each.
+  std::int64_t first(double step_s) const;
   /// Keys first_step, last_step, from_s, to_s.
   void read(ConfigurationMap map);
 };

@@ -138,10 +138,13 @@ const ModeTransition& InputStateFilter::transition_to(const DecoupledMode& to) {
 
 // Patterns of lost rows may be many: memory stays bounded.
 void InputStateFilter::forget_unusual_rows() {
-  if (decoupled_.size() <= kRowPatternsMax + models_.size()) return;
+  if (decoupled_.size() + transitions_.size() <=
+      kRowPatternsMax + models_.size() * (models_.size() + 1)) {
+    return;
+  }
   std::erase_if(transitions_, [this](const auto& entry) {
     const auto& [from, to] = entry.first;
-    return !from->is_complete || !to->is_complete;
+    return (!from->is_complete || !to->is_complete) && entry.second.get() != transition_;
   });
   std::erase_if(decoupled_, [this](const auto& entry) {
     return !entry.second->is_complete && entry.second.get() != current_;

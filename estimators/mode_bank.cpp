@@ -136,7 +136,8 @@ ModeBank::Result ModeBank::step(std::span<const int> rows, const Eigen::VectorXd
   bool has_failed = false;
   for (std::size_t j = 0; j < filters_.size(); ++j) {
     const InputStateResult result = filters_[j].step(0, rows, y, u);
-    const bool is_bad = result.kind == InputStateResult::Kind::kFailed;
+    const bool is_bad =
+        result.kind == InputStateResult::Kind::kFailed || std::isnan(result.log_likelihood);
     has_failed = has_failed || is_bad;
     log_likelihood_[j] = is_bad ? -std::numeric_limits<double>::infinity() : result.log_likelihood;
   }

@@ -16,7 +16,7 @@ using Complex = std::complex<double>;
 
 // A zero that is found by a square part of the system matrix must be one of the whole.
 constexpr double kZeroTolerance = 1e-7;
-constexpr double kRankTolerance = 1e-10;
+constexpr double kPencilTolerance = 1e-10;
 constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
 
 Eigen::MatrixXd scaled_inputs(const SystemModel& mode) {
@@ -215,7 +215,7 @@ ModeTheory analyse_mode(const SystemModel& mode) {
   const Eigen::VectorXd generic = singular_values_at(mode, GH, Complex(0.8312, 0.4713));
   const Eigen::Index num_columns = mode.A.rows() + GH.cols();
   theory.is_invertible = mode.A.rows() + mode.C.rows() >= num_columns &&
-                         generic[num_columns - 1] > kRankTolerance * generic[0];
+                         generic[num_columns - 1] > kPencilTolerance * generic[0];
   if (theory.is_invertible) theory.zeros = invariant_zeros(mode, GH);
   std::vector<int> rows(static_cast<std::size_t>(mode.num_measurements()));
   std::iota(rows.begin(), rows.end(), 0);
@@ -249,8 +249,8 @@ int ModeDivergence::delay_steps() const {
   double sum = 0.0;
   int delay = -1;
   for (std::size_t k = 0; k < log_ratio.size(); ++k) {
-    sum += std::isfinite(log_ratio[k]) ? log_ratio[k] : 1e300;
-    if (sum < wanted) {
+    sum += log_ratio[k];
+    if (!(sum >= wanted)) {
       delay = -1;
     } else if (delay < 0) {
       delay = static_cast<int>(k) + 1;
@@ -267,7 +267,10 @@ ModeDivergence find_divergence(const SystemModel& truth, const SystemModel& riva
   for (std::int64_t step = 1; step <= num_steps; ++step) {
     const Eigen::VectorXd attack = signals.attack(step), u = signals.input(step);
     const double of_own = own.step(attack, u), of_other = other.step(attack, u);
-    if (step > 1) divergence.log_ratio.push_back(of_own - of_other);
+    if (step == 1) continue;
+    const bool is_lost = std::isfinite(of_own) && !std::isfinite(of_other);
+    divergence.log_ratio.push_back(is_lost ? std::numeric_limits<double>::infinity()
+                                           : of_own - of_other);
   }
   return divergence;
 }

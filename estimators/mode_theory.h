@@ -43,13 +43,14 @@ struct ModeSignals {
 
 /// How well the modes' filters explain readings of a plant in one mode.
 struct ModeDivergence {
-  /// E[log L of the true mode's filter - log L of the rival's], steps 2, 3, ...; not finite once
-  /// the rival's error has grown beyond all bounds.
+  /// E[log L of the true mode's filter - log L of the rival's], steps 2, 3, ...; infinite
+  /// once the rival's error has grown beyond all bounds, NaN where the true filter's has.
   std::vector<double> log_ratio;
 
   /// Mean over the second half of the steps.
   double per_step() const;
-  /// Steps until the expected odds from even ones are 99 to 1 for good; -1 when they never are.
+  /// Steps until the expected odds from even ones are 99 to 1 for good; -1 when they never
+  /// are, or that is not known.
   int delay_steps() const;
 };
 

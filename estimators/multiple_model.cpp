@@ -164,11 +164,14 @@ void MultipleModel::mix() {
     const double probability = bank_.probability()[static_cast<std::size_t>(j)];
     publisher_.input_of(bank_.filter(j), j, input_, input_covariance_);
     estimate_.input_mean += probability * input_;
-    // Second moment first: the mean is known when all have been seen.
     estimate_.input_covariance += probability * input_covariance_;
-    estimate_.input_covariance.noalias() += (probability * input_) * input_.transpose();
   }
-  estimate_.input_covariance.noalias() -= estimate_.input_mean * estimate_.input_mean.transpose();
+  for (int j = 0; j < bank_.num_modes(); ++j) {
+    const double probability = bank_.probability()[static_cast<std::size_t>(j)];
+    publisher_.input_of(bank_.filter(j), j, input_, input_covariance_);
+    input_apart_ = input_ - estimate_.input_mean;
+    estimate_.input_covariance.noalias() += (probability * input_apart_) * input_apart_.transpose();
+  }
 }
 
 }  // namespace holdfast

@@ -87,7 +87,7 @@ class MultipleModel : public Estimator {
   MultipleModelOptions::Output output_;
   std::vector<char> is_attacked_;  // of each mode: it lists a channel
   bool tells_attack_, has_weighed_ = false;
-  Eigen::VectorXd input_, apart_;
+  Eigen::VectorXd input_, apart_, input_apart_;
   Eigen::MatrixXd input_covariance_;
   Estimate estimate_;
 };

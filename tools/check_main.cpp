@@ -39,11 +39,25 @@ int main(int argc, char** argv) {
                  "Channels attacked at once [the most that a mode lists]")
       ->check(CLI::Range(0, 32));
   app.add_option("--steps", check_options.num_steps, "Steps over which modes are compared")
-      ->check(CLI::Range(2, 100000))
+      ->check(CLI::Range(50, 100000))
+      ->capture_default_str();
+  std::string likelihood = "paper";
+  app.add_option("--likelihood", likelihood,
+                 "By which modes are compared; flat or evidence where they differ in number of "
+                 "channels")
+      ->check(CLI::IsMember({"paper", "ortho", "flat", "evidence"}))
+      ->capture_default_str();
+  app.add_option("--input-std", check_options.input_std, "Of unknown inputs, for evidence")
+      ->check(CLI::PositiveNumber)
       ->capture_default_str();
   app.add_flag("--json", is_json, "Print JSON instead");
   app.add_flag("--strict", is_strict, "Exit 1 when there is a warning");
   return holdfast::run_command_line(app, "holdfast-check", argc, argv, [&] {
+    using holdfast::InputLikelihood;
+    check_options.likelihood = likelihood == "paper"   ? InputLikelihood::kPaper
+                               : likelihood == "ortho" ? InputLikelihood::kOrtho
+                               : likelihood == "flat"  ? InputLikelihood::kFlat
+                                                       : InputLikelihood::kEvidence;
     return holdfast::run(options, check_options, is_json, is_strict);
   });
 }

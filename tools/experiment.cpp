@@ -160,7 +160,7 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
   read_network(root.map("network"), folder, experiment);
   experiment.assembler.num_steps = experiment.num_steps;
   experiment.assembler.step_s = experiment.step_s();
-  experiment.rules = read_attack_rules(root, experiment.layout);
+  experiment.rules = read_attack_rules(root, experiment.layout, folder);
   read_estimators(root, experiment);
   read_groups(root, experiment);
   ConfigurationMap campaign = root.map("campaign");

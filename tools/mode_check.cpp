@@ -115,6 +115,9 @@ void compare_pairs(const SystemSetup& system, const ModeCheckOptions& options, M
   const auto input = [&system](std::int64_t step) {
     return system.options.input(step, system.model());
   };
+  InputStateRule rule;
+  rule.likelihood = options.likelihood;
+  rule.input_std = options.input_std;
   for (int i = 0; i < num_modes; ++i) {
     const std::vector<int>& channels = check.modes.modes[static_cast<std::size_t>(i)].channels;
     const auto attack = [&](std::int64_t step) {
@@ -136,7 +139,7 @@ void compare_pairs(const SystemSetup& system, const ModeCheckOptions& options, M
       pair.is_distinguishable = are_distinguishable(check.modes, i, j);
       const auto compare = [&](const auto& signals) {
         return find_divergence(models[static_cast<std::size_t>(i)],
-                               models[static_cast<std::size_t>(j)], {}, start, {signals, input},
+                               models[static_cast<std::size_t>(j)], rule, start, {signals, input},
                                options.num_steps);
       };
       pair.attacked = compare(attack);
@@ -155,6 +158,7 @@ ModeCheck check_modes(const Experiment& experiment, const ModeCheckOptions& opti
                      ": holdfast-check needs a plant with vector readings that Holdfast knows");
   }
   ModeCheck check;
+  check.likelihood = options.likelihood;
   check.modes = system->source.modes;
   for (const SystemModel& topology : check.modes.topologies) {
     if (!topology.is_linear()) {

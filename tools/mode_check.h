@@ -12,6 +12,8 @@ namespace holdfast {
 struct ModeCheckOptions {
   int attacked_most = -1;  // channels attacked at once; -1: the most that a mode lists
   int num_steps = 300;     // over which modes are compared
+  InputLikelihood likelihood = InputLikelihood::kPaper;  // by which they are
+  double input_std = 1e4;                                // of unknown inputs, for kEvidence
 };
 
 /// A set of channels of which no estimator, or not this filter, can correct every attack.
@@ -44,7 +46,8 @@ struct ModeCheck {
       bad_sets;  // of at most attacked_most channels, smallest first, none in another
   std::vector<int> protecting;  // single channels without which no bad set is left
   double models_needed = 0.0;   // Theorem 2, for attacked_most
-  std::vector<Pair> pairs;      // empty when there are too many modes
+  InputLikelihood likelihood = InputLikelihood::kPaper;
+  std::vector<Pair> pairs;  // empty when there are too many modes
 };
 
 /// Analyses the modes of a scenario's plant. Throws UsageError for a plant that has none: one with

@@ -75,7 +75,22 @@ std::string delay_text(const ModeDivergence& divergence) {
 
 std::string divergence_text(const ModeDivergence& divergence) {
   const double value = divergence.per_step();
+  if (std::isnan(value)) return "not known";
   return std::isfinite(value) ? number(value) : "no bound";
+}
+
+const char* likelihood_name(InputLikelihood likelihood) {
+  switch (likelihood) {
+    case InputLikelihood::kPaper:
+      return "paper";
+    case InputLikelihood::kOrtho:
+      return "ortho";
+    case InputLikelihood::kFlat:
+      return "flat";
+    case InputLikelihood::kEvidence:
+      break;
+  }
+  return "evidence";
 }
 
 void add_modes(const ModeCheck& check, std::string& text) {
@@ -112,8 +127,9 @@ void add_pairs(const ModeCheck& check, std::string& text) {
   }
   text +=
       "Modes in pairs: expected log likelihood ratio per step, and steps until it says 99 to 1,\n"
-      "with the scenario's attacks from the first step on, and while nothing is attacked:\n" +
-      table.text() + "\n";
+      "with the scenario's attacks from the first step on, and while nothing is attacked "
+      "(likelihood: " +
+      std::string(likelihood_name(check.likelihood)) + "):\n" + table.text() + "\n";
 }
 
 // The rival that readings of a true mode speak for most, if they speak for one at all.
@@ -147,6 +163,9 @@ std::vector<std::string> warnings_of(const ModeCheck& check) {
         "modes " + check.modes.modes[static_cast<std::size_t>(pair.truth)].name + " and " +
         check.modes.modes[static_cast<std::size_t>(pair.rival)].name;
     const bool is_first = pair.truth < pair.rival;
+    if (is_first && (std::isnan(pair.quiet.per_step()) || std::isnan(pair.attacked.per_step()))) {
+      warnings.push_back(names + " were not compared: the numbers overflow");
+    }
     if (!pair.is_distinguishable && is_first) {
       warnings.push_back(names +
                          " cannot always be told apart: some attack in the one looks like "

@@ -139,7 +139,7 @@ void ModeSet::generate(ConfigurationMap map) {
   int most = static_cast<int>(channels.size()), least = 0;
   map.read("attacked_most", most, {0.0, count});
   map.read("attacked_least", least, {0.0, count});
-  if (least > most) map.problem("attacked_least", "lies above attacked_most");
+  if (least > most) return map.problem("attacked_least", "lies above attacked_most");
   double num_modes = 0.0;
   for (int size = least; size <= most; ++size) {
     num_modes += std::round(std::exp(std::lgamma(count + 1.0) - std::lgamma(size + 1.0) -

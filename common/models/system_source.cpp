@@ -1,6 +1,7 @@
 #include "common/models/system_source.h"
 
 #include <numeric>
+#include <set>
 
 #include "common/models/linear_model.h"
 
@@ -16,19 +17,28 @@ bool has_equal_matrices(const SystemModel& one, const SystemModel& other) {
          is_equal(one.Q, other.Q) && is_equal(one.R, other.R);
 }
 
-// Topologies are the same plant, connected otherwise.
-void check_alike(ConfigurationMap& map, const std::vector<SystemModel>& topologies) {
-  const SystemModel& first = topologies.front();
-  for (const SystemModel& other : topologies) {
-    if (other.num_states() == first.num_states() &&
-        other.num_measurements() == first.num_measurements() &&
-        other.num_attack_channels() == first.num_attack_channels() &&
-        other.num_inputs() == first.num_inputs() && other.step_s == first.step_s) {
-      continue;
+// Topologies are the same plant, connected otherwise; each has a name of its own.
+void check_alike(ConfigurationMap& map, const ModeSet& own) {
+  const SystemModel& first = own.topologies.front();
+  const char* key = map.has("ties") ? "ties" : "topologies";
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < own.topologies.size(); ++i) {
+    const SystemModel& other = own.topologies[i];
+    if (!names.insert(own.topology_names[i]).second) {
+      map.problem(key, "'" + own.topology_names[i] + "' given twice");
     }
-    return map.problem("topologies",
-                       "must agree in step_s and in the numbers of states, measurements, "
-                       "attack channels and known inputs");
+    if (other.num_states() != first.num_states() ||
+        other.num_measurements() != first.num_measurements() ||
+        other.num_attack_channels() != first.num_attack_channels() ||
+        other.num_inputs() != first.num_inputs() || other.step_s != first.step_s) {
+      map.problem(key,
+                  "must agree in step_s and in the numbers of states, measurements, attack "
+                  "channels and known inputs");
+    } else if (other.state_names != first.state_names ||
+               other.measurement_names != first.measurement_names ||
+               other.attack_names != first.attack_names || other.input_names != first.input_names) {
+      map.problem(key, "must have the same names of states, measurements, channels and inputs");
+    }
   }
 }
 
@@ -95,10 +105,11 @@ void SystemSource::set_topologies(ConfigurationMap& map, const SystemModel& mode
     map.problem("topologies", "must be given again where the model differs from the plant's");
   }
   if (own.topologies.empty()) {
+    if (map.has("topologies")) map.problem("topologies", "must name at least one topology");
     own.topologies = {model};
     own.topology_names = {"all"};
   }
-  check_alike(map, own.topologies);
+  check_alike(map, own);
   // Modes name topologies and channels by their places: with other places they mean nothing.
   if (own.topology_names != modes.topology_names || modes.topologies.empty() ||
       own.topologies.front().attack_names != modes.topologies.front().attack_names) {

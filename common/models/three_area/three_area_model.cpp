@@ -64,8 +64,12 @@ Eigen::MatrixXd continuous(const std::array<bool, kAreas>& is_closed) {
 void ThreeAreaOptions::read(ConfigurationMap& map) {
   map.read("step_s", step_s, kPositive);
   map.read_choice("open_tie", open_tie, {{"zero", OpenTie::kZero}, {"frozen", OpenTie::kFrozen}});
+  const std::vector<std::string> before = ties;
   map.read("ties", ties);
-  if (ties.empty()) map.problem("ties", "must name at least one topology");
+  if (ties.empty()) {
+    map.problem("ties", "must name at least one topology");
+    ties = before;
+  }
   const auto read_variances = [&map](const char* key, std::vector<double>& values,
                                      const std::array<double, kStates>& hundredths,
                                      Interval allowed) {

@@ -1,4 +1,5 @@
 // Rules that write several signals of one frame, and rules that replay earlier frames.
+#include <cmath>
 #include <map>
 #include <set>
 
@@ -127,6 +128,58 @@ TEST_CASE("a replay takes genuine values, not those that a rule wrote") {
   CHECK(echoes == 4);
 }
 
+TEST_CASE("a waveform is added from the window's first step on, to each signal by its gain") {
+  const std::string rule = pair_rule(
+      "action: add, signals: [LEFT, RIGHT], window: {first_step: 3, last_step: 8}, value: "
+      "{distribution: waveform, waveform: ramp, amplitude: 10, offset: 1, gain: [1, -2]}");
+  const Outcome passed = run_proxy(rules_of(rule), ramp(10));
+  std::map<std::int64_t, int> seen;
+  for (const CanFrame& frame : passed.sent) {
+    if (frame.identifier != pair(1, 0, 0).identifier) continue;
+    const auto step = static_cast<std::int64_t>(pair_value(frame, "STEP"));
+    const bool is_first = ++seen[step] == 1;
+    const bool is_open = step >= 3 && step <= 8;
+    const double added = is_open ? 1.0 + 10.0 * static_cast<double>(step - 3) : 0.0;
+    const double left = is_first ? static_cast<double>(step) : 1000.0 + static_cast<double>(step);
+    CHECK(std::abs(pair_value(frame, "LEFT") - (left + added)) < 1e-3);
+    CHECK(std::abs(pair_value(frame, "RIGHT") -
+                   ((is_first ? -static_cast<double>(step) : 0.0) - 2.0 * added)) < 1e-3);
+  }
+  CHECK(seen.size() == 10);
+}
+
+TEST_CASE(
+    "a random walk starts at zero and takes independent steps, other ones with another seed") {
+  const std::string rule = pair_rule(
+      "action: force, signal: LEFT, window: {first_step: 2}, value: {distribution: random_walk, "
+      "std: 2}");
+  const auto walk_of = [&](std::uint64_t seed) {
+    std::vector<double> walk;
+    for (const CanFrame& frame : run_proxy(rules_of(rule), ramp(400), seed).sent) {
+      if (frame.identifier == pair(1, 0, 0).identifier) walk.push_back(pair_value(frame, "LEFT"));
+    }
+    return walk;
+  };
+  const std::vector<double> walk = walk_of(1);
+  REQUIRE(walk.size() == 800);  // two frames a step, which share its number
+  CHECK(walk[2] == 0.0);
+  double sum = 0.0, squares = 0.0, products = 0.0, last = 0.0;
+  for (std::size_t k = 4; k < walk.size(); k += 2) {
+    CHECK(walk[k] == walk[k + 1]);
+    const double step = walk[k] - walk[k - 2];
+    sum += step;
+    squares += step * step;
+    products += step * last;
+    last = step;
+  }
+  const double count = 398.0;
+  CHECK(std::abs(sum / count) < 4.0 * 2.0 / std::sqrt(count));
+  CHECK(std::abs(squares / count - 4.0) < 4.0 * 4.0 * std::sqrt(2.0 / count));
+  CHECK(std::abs(products / count) < 4.0 * 4.0 / std::sqrt(count));
+  CHECK(walk_of(1) == walk);
+  CHECK(walk_of(2) != walk);
+}
+
 TEST_CASE("wrong lists of signals and numbers are told") {
   const auto says = [](const std::string& rest, const std::string& part) {
     const std::string text = problems_of(pair_rule(rest));
@@ -147,4 +200,8 @@ TEST_CASE("wrong lists of signals and numbers are told") {
   says("action: substitute, signal: LEFT, value: {distribution: replay, delay_steps: [3, 2]}",
        "[low, high]");
   says("action: substitute, signals: [LEFT, NOSUCH], value: {value: 1}", "NOSUCH");
+  says("action: add, signals: [LEFT, RIGHT], value: {distribution: random_walk, std: [1, 2]}",
+       "one std");
+  says("action: add, signal: LEFT, value: {distribution: waveform, waveform: bumps}", "waveform");
+  says("action: add, signal: LEFT, value: {distribution: waveform, draw: step}", "leave draw out");
 }

@@ -7,7 +7,7 @@ namespace {
 
 using namespace testing;
 
-constexpr double kTolerance = 1e-8;
+constexpr double kBankTolerance = 1e-8;
 
 struct BankRun {
   nlohmann::json file;
@@ -60,14 +60,14 @@ TEST_CASE("static banks agree with the vectors by every likelihood and floor") {
         run.take(bank, [&](std::size_t k) {
           INFO(name << ", " << key << ", step " << k + 1);
           CHECK(difference(as_vector(bank.log_likelihood()),
-                           vector_of(wanted.at("loglik").at(k))) <= kTolerance);
+                           vector_of(wanted.at("loglik").at(k))) <= kBankTolerance);
           CHECK(difference(as_vector(bank.probability()), vector_of(wanted.at("mu").at(k))) <=
-                kTolerance);
+                kBankTolerance);
           CHECK(bank.most_probable() == wanted.at("mode").at(k));
           const InputStateFilter& chosen = bank.filter(bank.most_probable());
-          CHECK(difference(chosen.mean(), vector_of(wanted.at("x").at(k))) <= kTolerance);
+          CHECK(difference(chosen.mean(), vector_of(wanted.at("x").at(k))) <= kBankTolerance);
           CHECK(difference(chosen.previous_input(), vector_or_none(wanted.at("d").at(k))) <=
-                kTolerance);
+                kBankTolerance);
         });
       }
     }
@@ -85,12 +85,13 @@ TEST_CASE("banks of modes that change agree with the vectors") {
     run.take(bank, [&](std::size_t k) {
       INFO(name << ", step " << k + 1);
       CHECK(difference(as_vector(bank.log_likelihood()), vector_of(wanted.at("loglik").at(k))) <=
-            kTolerance);
+            kBankTolerance);
       CHECK(difference(as_vector(bank.probability()), vector_of(wanted.at("mu").at(k))) <=
-            kTolerance);
+            kBankTolerance);
       for (int j = 0; j < bank.num_modes(); ++j) {
-        CHECK(difference(bank.filter(j).mean(), vector_of(wanted.at("xj").at(k).at(
-                                                    static_cast<std::size_t>(j)))) <= kTolerance);
+        CHECK(difference(bank.filter(j).mean(),
+                         vector_of(wanted.at("xj").at(k).at(static_cast<std::size_t>(j)))) <=
+              kBankTolerance);
       }
     });
   }

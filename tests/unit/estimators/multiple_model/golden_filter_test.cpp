@@ -10,7 +10,7 @@ namespace {
 
 using namespace testing;
 
-constexpr double kTolerance = 1e-8;
+constexpr double kFilterTolerance = 1e-8;
 
 struct OneRun {
   nlohmann::json file;
@@ -66,7 +66,8 @@ void check_likelihood(const OneRun& run, InputLikelihood likelihood, const char*
   run.take(filter, [key](const nlohmann::json& wanted, const InputStateResult& result) {
     const double value = wanted.at(key);
     INFO(key);
-    CHECK(std::abs(result.log_likelihood - value) <= kTolerance * std::max(1.0, std::abs(value)));
+    CHECK(std::abs(result.log_likelihood - value) <=
+          kFilterTolerance * std::max(1.0, std::abs(value)));
   });
 }
 
@@ -78,12 +79,13 @@ TEST_CASE("the filter of a mode agrees with the vectors") {
     InputStateFilter filter(run.modes, {});
     run.take(filter, [&](const nlohmann::json& wanted, const InputStateResult& result) {
       CHECK(result.rank == wanted.at("rank"));
-      CHECK(difference(filter.mean(), vector_of(wanted.at("x"))) <= kTolerance);
-      CHECK(difference(filter.covariance(), matrix_of(wanted.at("P"))) <= kTolerance);
-      CHECK(difference(filter.previous_input(), vector_or_none(wanted.at("d"))) <= kTolerance);
+      CHECK(difference(filter.mean(), vector_of(wanted.at("x"))) <= kFilterTolerance);
+      CHECK(difference(filter.covariance(), matrix_of(wanted.at("P"))) <= kFilterTolerance);
+      CHECK(difference(filter.previous_input(), vector_or_none(wanted.at("d"))) <=
+            kFilterTolerance);
       const Eigen::Index p = filter.previous_input().size();
       CHECK(difference(filter.previous_input_covariance(), shaped(wanted.at("Pd"), p, p)) <=
-            kTolerance);
+            kFilterTolerance);
     });
   }
 }
@@ -98,10 +100,10 @@ TEST_CASE("innovation and its covariance agree with the vectors in any basis") {
       const Eigen::MatrixXd S = filter.gains().S;
       const Eigen::MatrixXd project = Eigen::MatrixXd::Identity(S.rows(), S.rows()) - F * M2;
       const Eigen::VectorXd nu = project * filter.innovation();
-      CHECK(difference(U2 * nu, vector_of(wanted.at("U2nu"))) <= kTolerance);
+      CHECK(difference(U2 * nu, vector_of(wanted.at("U2nu"))) <= kFilterTolerance);
       const Eigen::MatrixXd R2star = project * S * project.transpose();
       CHECK(difference(U2 * R2star * U2.transpose(), matrix_of(wanted.at("U2R2starU2T"))) <=
-            kTolerance);
+            kFilterTolerance);
     });
   }
 }
@@ -123,7 +125,7 @@ TEST_CASE("inputs improved by one more reading agree with the vectors") {
     InputStateFilter filter(run.modes, rule);
     run.take(filter, [&](const nlohmann::json& wanted, const InputStateResult&) {
       CHECK(difference(filter.previous_input(), vector_or_none(wanted.at("d_smoothed"))) <=
-            kTolerance);
+            kFilterTolerance);
     });
   }
 }

@@ -124,4 +124,34 @@ TEST_CASE("equal sensors are alike while nothing is attacked") {
   CHECK(json.at("warnings").size() == warnings_of(check).size());
 }
 
+TEST_CASE("topologies that cannot be are refused, and none of them crashes") {
+  const auto says = [](const char* name, const std::string& override, const std::string& part) {
+    INFO(override);
+    std::string text;
+    try {
+      load_experiment(scenario_file(name), {override});
+    } catch (const UsageError& error) {
+      text = error.what();
+    }
+    INFO(text);
+    CHECK(text.find(part) != std::string::npos);
+  };
+  says("three_area", "plant.model.ties=[]", "at least one topology");
+  says("three_area", "estimators.0.model.ties=[]", "at least one topology");
+  says("three_area", "plant.model.ties=[\"111\", \"111\"]", "given twice");
+  says("attack_locations", "plant.model.topologies=[]", "at least one topology");
+  says("attack_locations", "plant.model.topologies=[{name: a}, {name: a}]", "given twice");
+  says("attack_locations",
+       "plant.model.topologies=[{name: a}, {name: b, attack_names: [v, w, x, y, z]}]",
+       "same names");
+}
+
+TEST_CASE("numbers that overflow are told, not taken for an answer") {
+  ModeCheckOptions options;
+  options.num_steps = 60;
+  const ModeCheck check = check_modes(
+      load_experiment(scenario_file("attack_locations"), {"plant.attack_gain=1e300"}), options);
+  CHECK(warns(check, "were not compared"));
+}
+
 }  // namespace holdfast
