@@ -1,7 +1,13 @@
 // Answers that are known: the examples of paper 004 and systems whose zeros can be seen.
 
 #include "estimators/mode_theory.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "common/models/three_area/three_area_model.h"
 #include "common/random_stream.h"
+#include "estimators/mode_bank.h"
 #include "tests/support/catch.h"
 
 namespace holdfast {
@@ -148,6 +154,56 @@ TEST_CASE("divergence: nothing between equals, and what a run says on average") 
   INFO(mean << " +- " << error << " against " << expected);
   CHECK(std::abs(mean - expected) < 4.0 * error);
   CHECK(expected > 10.0 * error);  // so that the comparison says something
+}
+
+TEST_CASE("Theorem 4: with the true mode outside the set, the bank settles on the closest one") {
+  // One tie open in truth, while the bank knows all closed, two or three open. All decouple alike.
+  const ThreeAreaOptions options;
+  const std::vector<std::string> believed = {"111", "010", "001", "100", "000"};
+  const ModeSignals quiet = {[](std::int64_t) { return Eigen::VectorXd::Zero(3).eval(); },
+                             [](std::int64_t) { return Eigen::VectorXd(); }};
+  const Eigen::VectorXd zero = Eigen::VectorXd::Zero(12);
+  const Gaussian start{zero, 0.1 * Eigen::MatrixXd::Identity(12, 12)};
+  std::vector<SystemModel> modes;
+  for (const std::string& ties : believed) modes.push_back(make_three_area_model(options, ties));
+  std::vector<int> rows(12);
+  std::iota(rows.begin(), rows.end(), 0);
+  for (const char* const ties : {"011", "101", "110"}) {
+    const SystemModel truth = make_three_area_model(options, ties);
+    // The same sum of the true mode's own log likelihood stands in all of them.
+    std::vector<double> divergence;
+    for (const SystemModel& mode : modes) {
+      divergence.push_back(find_divergence(truth, mode, {}, start, quiet, 200).per_step());
+    }
+    const auto closest = std::min_element(divergence.begin(), divergence.end());
+    int num_settled = 0;
+    constexpr std::uint32_t kRuns = 20;
+    for (std::uint32_t run = 0; run < kRuns; ++run) {
+      const RandomStream noise(2, run, ties);
+      std::uint64_t draw = 0;
+      const auto normals = [&](const Eigen::MatrixXd& covariance) {
+        Eigen::VectorXd values(12);
+        for (Eigen::Index i = 0; i < 12; ++i) {
+          values[i] = std::sqrt(covariance(i, i)) * noise.normal(1, draw++);
+        }
+        return values;
+      };
+      ModeBank of_run(modes, {});
+      of_run.start(start);
+      Eigen::VectorXd x = normals(start.covariance);
+      for (int k = 0; k < 200; ++k) {
+        if (k > 0) x = (truth.A * x + normals(truth.Q)).eval();
+        const Eigen::VectorXd y =
+            truth.C * x + truth.H * Eigen::Vector3d(3.0, -2.0, 0.1 * k) + normals(truth.R);
+        of_run.step(rows, y, {});
+      }
+      if (of_run.most_probable() == closest - divergence.begin()) ++num_settled;
+    }
+    INFO(ties << ": closest " << believed[static_cast<std::size_t>(closest - divergence.begin())]
+              << " in " << num_settled << " runs");
+    CHECK(std::all_of(divergence.begin(), divergence.end(), [](double d) { return d > 0.0; }));
+    CHECK(num_settled >= 18);
+  }
 }
 
 }  // namespace holdfast
