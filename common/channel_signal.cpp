@@ -1,7 +1,8 @@
 #include "common/channel_signal.h"
 
 #include <algorithm>
-#include <cmath>
+
+#include "common/name_list.h"
 
 namespace holdfast {
 
@@ -18,10 +19,7 @@ std::vector<ChannelSignal> read_channel_signals(ConfigurationMap& map, const cha
     const auto found = std::find(names.begin(), names.end(), channel);
     signal.channel = static_cast<int>(found - names.begin());
     if (entry.has("channel") && found == names.end()) {
-      std::string list;
-      for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-      entry.problem("channel", "'" + channel + "' is none of " + what + ": " +
-                                   (list.empty() ? "it has none" : list));
+      entry.problem("channel", "'" + channel + "' is none of " + what + ": " + name_list(names));
     }
     signal.window.read(entry.map("window"));
     signal.waveform.read(entry, folder);

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "common/configuration_override.h"
+#include "common/name_list.h"
 
 namespace holdfast {
 
@@ -153,9 +154,7 @@ void ConfigurationMap::problem(std::string_view key, const std::string& text) {
 
 void ConfigurationMap::choice_problem(std::string_view key, const std::string& given,
                                       const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  problem(key, "'" + given + "' is none of: " + list);
+  problem(key, "'" + given + "' is none of: " + name_list(names));
 }
 
 void ConfigurationMap::resolve(std::string_view key, const YAML::Node& value) {

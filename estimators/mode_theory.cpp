@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "common/random_stream.h"
+#include "common/subsets.h"
 
 namespace holdfast {
 namespace {
@@ -80,12 +81,6 @@ std::vector<Complex> invariant_zeros(const SystemModel& mode, const Eigen::Matri
     return a.imag() > b.imag();
   });
   return zeros;
-}
-
-double binomial(int n, int k) {
-  if (k < 0 || k > n) return 0.0;
-  return std::round(
-      std::exp(std::lgamma(n + 1.0) - std::lgamma(k + 1.0) - std::lgamma(n - k + 1.0)));
 }
 
 // Truth in one mode and filter in another as one linear system: s = [x; x_hat; d1_hat].

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/name_list.h"
+
 namespace holdfast {
 namespace {
 
@@ -29,9 +31,8 @@ void read_mode_changes(ConfigurationMap& map, const ModeSet& modes,
     entry.read("mode", name);
     change.mode = modes.find(name);
     if (entry.has("mode") && change.mode < 0) {
-      std::string list;
-      for (const std::string& known : modes.names()) list += (list.empty() ? "" : ", ") + known;
-      entry.problem("mode", "'" + name + "' is none of the plant's modes: " + list);
+      entry.problem("mode",
+                    "'" + name + "' is none of the plant's modes: " + name_list(modes.names()));
     }
     entry.read("from_step", change.from_step, {1.0, 1e9});
     if (!changes.empty() && change.from_step <= changes.back().from_step) {

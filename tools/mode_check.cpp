@@ -1,31 +1,17 @@
 #include "tools/mode_check.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
+
+#include "common/subsets.h"
 
 namespace holdfast {
 namespace {
 
-// Calls visit(set) for every set of `size` of the first `count` channels.
-template <class Visit>
-void for_each_set(int count, int size, const Visit& visit) {
-  std::vector<char> is_in(static_cast<std::size_t>(count), 0);
-  std::fill(is_in.begin(), is_in.begin() + size, 1);
-  do {
-    std::vector<int> set;
-    for (int i = 0; i < count; ++i) {
-      if (is_in[static_cast<std::size_t>(i)] != 0) set.push_back(i);
-    }
-    visit(set);
-  } while (std::prev_permutation(is_in.begin(), is_in.end()));
-}
-
 double num_sets(int count, int most) {
   double sum = 0.0;
   for (int size = 0; size <= most; ++size) {
-    sum += std::exp(std::lgamma(count + 1.0) - std::lgamma(size + 1.0) -
-                    std::lgamma(count - size + 1.0));
+    sum += binomial(count, size);
   }
   return sum;
 }
@@ -46,10 +32,12 @@ void find_bad_sets(ModeCheck& check) {
     --searched;
   }
   if (num_topologies * num_sets(check.num_channels, searched) > ModeCheck::kSetsMax) return;
+  std::vector<int> channels(static_cast<std::size_t>(check.num_channels));
+  std::iota(channels.begin(), channels.end(), 0);
   int smallest_bad = std::min(check.num_channels, check.num_sensors) + 1;
   for (int size = 1; size <= std::max(searched, check.attacked_most); ++size) {
     for (std::size_t t = 0; t < check.modes.topologies.size(); ++t) {
-      for_each_set(check.num_channels, size, [&](const std::vector<int>& set) {
+      for_each_subset(channels, static_cast<std::size_t>(size), [&](const std::vector<int>& set) {
         const std::string& topology = check.modes.topology_names[t];
         const bool is_known = std::ranges::any_of(check.bad_sets, [&](const BadSet& bad) {
           return bad.topology == topology && contains(set, bad.channels);

@@ -1,18 +1,14 @@
 #include "common/models/mode_set.h"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 #include <set>
 
+#include "common/name_list.h"
+#include "common/subsets.h"
+
 namespace holdfast {
 namespace {
-
-std::string list_of(const std::vector<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list.empty() ? "none" : list;
-}
 
 // Indices of names among the known ones; every unknown one is a problem of the key.
 std::vector<int> indices_of(ConfigurationMap& map, const char* key, const char* what,
@@ -22,7 +18,7 @@ std::vector<int> indices_of(ConfigurationMap& map, const char* key, const char* 
   for (const std::string& name : names) {
     const auto found = std::find(known.begin(), known.end(), name);
     if (found == known.end()) {
-      map.problem(key, "'" + name + "' is none of the " + what + ": " + list_of(known));
+      map.problem(key, "'" + name + "' is none of the " + what + ": " + name_list(known));
     } else {
       indices.push_back(static_cast<int>(found - known.begin()));
     }
@@ -30,26 +26,9 @@ std::vector<int> indices_of(ConfigurationMap& map, const char* key, const char* 
   std::sort(indices.begin(), indices.end());
   if (std::adjacent_find(indices.begin(), indices.end()) != indices.end()) {
     map.problem(key, "must name each of the " + std::string(what) + " once");
+    indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
   }
   return indices;
-}
-
-// Calls visit(subset) for every subset of `size` of the items, in lexicographic order.
-template <class Visit>
-void for_each_subset(const std::vector<int>& items, std::size_t size, const Visit& visit) {
-  std::vector<std::size_t> places(size);
-  std::iota(places.begin(), places.end(), std::size_t{0});
-  if (size > items.size()) return;
-  for (;;) {
-    std::vector<int> subset;
-    for (const std::size_t place : places) subset.push_back(items[place]);
-    visit(subset);
-    std::size_t i = size;
-    while (i > 0 && places[i - 1] == items.size() - size + i - 1) --i;
-    if (i == 0) return;
-    ++places[i - 1];
-    for (; i < size; ++i) places[i] = places[i - 1] + 1;
-  }
 }
 
 }  // namespace
@@ -142,8 +121,7 @@ void ModeSet::generate(ConfigurationMap map) {
   if (least > most) return map.problem("attacked_least", "lies above attacked_most");
   double num_modes = 0.0;
   for (int size = least; size <= most; ++size) {
-    num_modes += std::round(std::exp(std::lgamma(count + 1.0) - std::lgamma(size + 1.0) -
-                                     std::lgamma(count - size + 1.0)));
+    num_modes += binomial(static_cast<int>(channels.size()), size);
   }
   if (num_modes * static_cast<double>(of_topologies.size()) > static_cast<double>(kModesMax)) {
     return map.problem("attacked_most", "makes more than " + std::to_string(kModesMax) + " modes");
