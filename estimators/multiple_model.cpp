@@ -24,11 +24,16 @@ void VectorOfRows::take(std::int64_t step, const MeasurementSet& measurements, E
   std::sort(rows_.begin(), rows_.end());
 }
 
-InputStatePublisher::InputStatePublisher(const ModeSet& modes, double input_std)
+InputStatePublisher::InputStatePublisher(const ModeSet& modes, const InputStateRule& rule)
     : num_channels_(modes.topologies.front().num_attack_channels()),
-      input_variance_(input_std * input_std),
+      input_variance_(rule.input_std * rule.input_std),
+      // One that is improved by the next reading is not known before that.
+      is_direct_(!rule.improves_input),
       innovation_(modes.topologies.front().num_measurements()) {
-  for (const PlantMode& mode : modes.modes) channels_.push_back(mode.channels);
+  for (std::size_t j = 0; j < modes.modes.size(); ++j) {
+    channels_.push_back(modes.modes[j].channels);
+    is_direct_ = is_direct_ && InputStateFilter::shows_all_inputs(modes.model(static_cast<int>(j)));
+  }
 }
 
 bool InputStatePublisher::has_input(const InputStateFilter& filter) const {
@@ -90,17 +95,13 @@ MultipleModel::MultipleModel(const ModeSet& modes, const MultipleModelOptions& o
                              std::vector<std::vector<int>> rows)
     : vector_(options.vector, std::move(rows), modes.topologies.front().num_measurements()),
       bank_(modes.models(), options.bank, modes.names()),
-      publisher_(modes, options.bank.filter.input_std),
+      publisher_(modes, options.bank.filter),
       output_(options.output) {
   bank_.start(options.start.gaussian(modes.topologies.front().num_states()));
-  bool is_direct = !options.bank.filter.improves_input;
-  for (std::size_t j = 0; j < modes.modes.size(); ++j) {
-    const SystemModel model = modes.model(static_cast<int>(j));
-    is_direct = is_direct && InputStateFilter::shows_all_inputs(model);
-    is_attacked_.push_back(modes.modes[j].channels.empty() ? 0 : 1);
-    estimate_.hypotheses.push_back({modes.modes[j].name, 0.0, {}, {}, 0, 0});
+  for (const PlantMode& mode : modes.modes) {
+    is_attacked_.push_back(mode.channels.empty() ? 0 : 1);
+    estimate_.hypotheses.push_back({mode.name, 0.0, {}, {}, 0, 0});
   }
-  publisher_.set_direct(is_direct);
   tells_attack_ = std::find(is_attacked_.begin(), is_attacked_.end(), 0) != is_attacked_.end();
   estimate_.mode_probability.reserve(modes.modes.size());
 }

@@ -34,8 +34,8 @@ class VectorOfRows {
 /// plant; a channel that the mode does not list is zero for certain.
 class InputStatePublisher {
  public:
-  /// input_std: of an input of which nothing arrived.
-  InputStatePublisher(const ModeSet& modes, double input_std);
+  /// rule: of the filters whose estimates are published.
+  InputStatePublisher(const ModeSet& modes, const InputStateRule& rule);
 
   /// Means, covariances, innovation N' r (white, chi-square by its covariance N' S N) of the filter
   /// after a step in a mode.
@@ -48,13 +48,11 @@ class InputStatePublisher {
                 Eigen::MatrixXd& covariance) const;
   bool has_input(const InputStateFilter& filter) const;
 
-  void set_direct(bool is_direct) { is_direct_ = is_direct; }
-
  private:
   std::vector<std::vector<int>> channels_;  // of each mode
   int num_channels_;
   double input_variance_;
-  bool is_direct_ = false;
+  bool is_direct_;
   InnovationRecord innovation_;
 };
 

@@ -15,13 +15,8 @@ ModeOracle::ModeOracle(const ModeSet& modes, const ModeOracleOptions& options,
                        std::vector<std::vector<int>> rows)
     : vector_(options.vector, std::move(rows), modes.topologies.front().num_measurements()),
       filter_(modes.models(), options.filter, modes.names()),
-      publisher_(modes, options.filter.input_std) {
+      publisher_(modes, options.filter) {
   filter_.start(options.start.gaussian(modes.topologies.front().num_states()));
-  bool is_direct = !options.filter.improves_input;
-  for (std::size_t j = 0; j < modes.modes.size(); ++j) {
-    is_direct = is_direct && InputStateFilter::shows_all_inputs(modes.model(static_cast<int>(j)));
-  }
-  publisher_.set_direct(is_direct);
   estimate_.mode_probability.assign(modes.modes.size(), 0.0);
 }
 
