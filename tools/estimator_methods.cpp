@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <numeric>
 
 #include "estimators/attack_mixture.h"
 #include "estimators/gslr.h"
@@ -163,7 +164,9 @@ void read_for_modes(ConfigurationMap& map, const MethodContext& context, Estimat
     map.problem("method", error.what());
   }
   entry.kernel = linear_algebra_kernel();
-  for (const PlantMode& mode : modes.modes) entry.mode_names.push_back(mode.name);
+  for (const PlantMode& mode : context.plant.system()->source.modes.modes) {
+    entry.own_modes.push_back(modes.find(mode.name));
+  }
   entry.make = [modes, options, rows](std::uint64_t /*seed*/, std::uint32_t /*run*/) {
     return std::make_unique<Filter>(modes, options, rows);
   };
@@ -174,7 +177,9 @@ void read_mode_oracle(ConfigurationMap& map, const MethodContext& context, Estim
   if (entry.input != EstimatorEntry::Input::kTold) {
     map.problem("input", "must be told: this filter knows the mode");
   }
-  if (entry.mode_names != context.plant.system()->source.modes.names()) {
+  std::vector<int> same(context.plant.system()->source.modes.modes.size());
+  std::iota(same.begin(), same.end(), 0);
+  if (entry.own_modes != same) {
     map.problem("modes", "must be the plant's: the filter is told which of them holds");
   }
 }
@@ -222,15 +227,12 @@ std::string method_names(bool has_vectors) {
 
 }  // namespace
 
-int EstimatorEntry::own_mode(int plant_mode, const PlantSetup& plant) const {
-  if (mode_names.empty() || plant.system() == nullptr) return plant_mode;
-  const std::vector<PlantMode>& modes = plant.system()->source.modes.modes;
+int EstimatorEntry::own_mode(int plant_mode) const {
+  if (own_modes.empty()) return plant_mode;
   // A plant with one mode says whether it is attacked, not which mode it is in.
-  if (modes.size() == 1) plant_mode = 0;
-  if (plant_mode < 0 || plant_mode >= static_cast<int>(modes.size())) return -1;
-  const auto found = std::find(mode_names.begin(), mode_names.end(),
-                               modes[static_cast<std::size_t>(plant_mode)].name);
-  return found == mode_names.end() ? -1 : static_cast<int>(found - mode_names.begin());
+  if (own_modes.size() == 1) return own_modes.front();
+  const bool is_known = plant_mode >= 0 && plant_mode < static_cast<int>(own_modes.size());
+  return is_known ? own_modes[static_cast<std::size_t>(plant_mode)] : -1;
 }
 
 std::unique_ptr<Estimator> SecureParticleFilterMaker::operator()(std::uint64_t seed,

@@ -27,17 +27,17 @@ struct EstimatorEntry {
   std::string command;  // of an outside program; empty for ours
   std::string method;
   Input input = Input::kReceived;
-  std::vector<std::string> mode_names;  // of a method that has modes
-  std::string kernel;                   // numeric kernel that it computes with
-  bool is_smoothed = false;             // its smoothed estimates are wanted too
-  std::int64_t lag_steps = 0;           // of them; 0: at the end of the run, by all of it
+  std::vector<int> own_modes;  // by the plant's modes; empty for a method without modes by name
+  std::string kernel;          // numeric kernel that it computes with
+  bool is_smoothed = false;    // its smoothed estimates are wanted too
+  std::int64_t lag_steps = 0;  // of them; 0: at the end of the run, by all of it
   /// Makes the estimator of one run from the scenario's seed; empty for an outside program.
   std::function<std::unique_ptr<Estimator>(std::uint64_t seed, std::uint32_t run)> make;
 
   bool is_outside() const { return !command.empty(); }
   /// Index among this estimator's modes of one of the plant's, -1 for one that it does not believe
-  /// in; the same where it has no names of modes.
-  int own_mode(int plant_mode, const PlantSetup& plant) const;
+  /// in; the same where it has no modes by name.
+  int own_mode(int plant_mode) const;
   /// Name under which the smoothed estimates are scored.
   std::string smoothed_name() const { return name + "_smoothed"; }
   bool is_campaign_only() const { return input != Input::kReceived; }

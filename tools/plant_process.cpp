@@ -20,6 +20,7 @@ PlantProcess::PlantProcess(const Experiment& experiment, CanBus* bus, LcmLink& l
 bool PlantProcess::advance() {
   const PlantStep& step = plant_->advance();
   publish_truth(step);
+  publish_known_input(step.step);
   frames_.clear();
   for (std::size_t s = 0; s < step.readings.size(); ++s) {
     frames_.push_back(codec_.encode(static_cast<int>(s), step.readings[s], step.step));
@@ -34,19 +35,25 @@ bool PlantProcess::advance() {
   return step.step < experiment_.num_steps;
 }
 
+std::int64_t PlantProcess::utime_of(std::int64_t step) const {
+  return std::llround(static_cast<double>(step) * experiment_.step_s() * 1e6);
+}
+
 void PlantProcess::publish_truth(const PlantStep& step) {
-  const std::int64_t utime =
-      std::llround(static_cast<double>(step.step) * experiment_.step_s() * 1e6);
+  const std::int64_t utime = utime_of(step.step);
   to_message(step, utime, truth_);
   link_.publish("PLANT_TRUTH", truth_);
   for (const AttackSignal& signal : step.attack_signals) {
     to_message(signal, step.step, utime, attack_signal_);
     link_.publish("ATTACK_SIGNAL", attack_signal_);
   }
-  const Eigen::VectorXd input = experiment_.known_input(step.step);
+}
+
+void PlantProcess::publish_known_input(std::int64_t step) {
+  const Eigen::VectorXd input = experiment_.known_input(step);
   if (input.size() == 0) return;
-  known_input_.utime = utime;
-  known_input_.step = step.step;
+  known_input_.utime = utime_of(step);
+  known_input_.step = step;
   known_input_.num_inputs = static_cast<std::int32_t>(input.size());
   known_input_.input.assign(input.begin(), input.end());
   link_.publish("KNOWN_INPUT", known_input_);

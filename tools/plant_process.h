@@ -26,7 +26,9 @@ class PlantProcess {
   bool advance();
 
  private:
+  std::int64_t utime_of(std::int64_t step) const;  // us, time of validity
   void publish_truth(const PlantStep& step);
+  void publish_known_input(std::int64_t step);
   void send();
   void publish_measurements();
 

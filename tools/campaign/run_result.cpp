@@ -184,7 +184,7 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
     for (std::size_t i = 0; i < scorers.size(); ++i) {
       const Estimate& estimate = *simulation.estimates()[i];
       TrueStep believed = true_step;
-      believed.mode = simulation.entries()[i]->own_mode(true_step.mode, experiment.plant);
+      believed.mode = simulation.entries()[i]->own_mode(true_step.mode);
       scorers[i].take(estimate, believed);
       score_packets(estimate, simulation.attack_records(), scorers[i]);
     }
