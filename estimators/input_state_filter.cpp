@@ -83,7 +83,8 @@ InputStateFilter::InputStateFilter(std::vector<SystemModel> modes, const InputSt
   for (const SystemModel& model : models_) check_size(model, models_.front());
   std::vector<int> rows(static_cast<std::size_t>(models_.front().num_measurements()));
   std::iota(rows.begin(), rows.end(), 0);
-  // Every change from mode to mode must work; those that never come cost little.
+  // All changes from mode to mode are prepared, so that no step has to. A mode that stays must be
+  // determined; where a change is not, the inputs have their prior for one step.
   for (std::size_t i = 0; i < models_.size(); ++i) {
     const DecoupledMode& from = decoupled(static_cast<int>(i), rows);
     for (std::size_t j = 0; j < models_.size(); ++j) {

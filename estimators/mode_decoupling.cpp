@@ -121,4 +121,9 @@ std::vector<int> undetermined_inputs(const ModeTransition& transition) {
   return channels;
 }
 
+Eigen::VectorXd singular_values(const Eigen::MatrixXd& matrix) {
+  // The preconditioner needs one of the unitary matrices; these matrices are small.
+  return FullSvd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV).singularValues();
+}
+
 }  // namespace holdfast

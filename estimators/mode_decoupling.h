@@ -51,4 +51,7 @@ ModeTransition make_transition(const DecoupledMode& from, const DecoupledMode& t
 /// on the state or could: the null space of F has a part in them. Empty when the filter exists.
 std::vector<int> undetermined_inputs(const ModeTransition& transition);
 
+/// Singular values, largest first.
+Eigen::VectorXd singular_values(const Eigen::MatrixXd& matrix);
+
 }  // namespace holdfast

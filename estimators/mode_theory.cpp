@@ -1,7 +1,7 @@
 #include "estimators/mode_theory.h"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/SVD>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,6 +17,8 @@ using Complex = std::complex<double>;
 
 // A zero that is found by a square part of the system matrix must be one of the whole.
 constexpr double kZeroTolerance = 1e-7;
+constexpr double kInfinite = 1e-8;  // eigenvalues of the inverse below this part of its norm
+constexpr double kSameZero = 1e-4;  // repeated zeros are found to the root of the precision
 constexpr double kPencilTolerance = 1e-10;
 constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
 
@@ -30,19 +32,38 @@ Eigen::MatrixXd scaled_inputs(const SystemModel& mode) {
   return GH;
 }
 
-Eigen::VectorXd singular_values_at(const SystemModel& mode, const Eigen::MatrixXd& GH, Complex z) {
+struct ExtremeValues {
+  double smallest = 1.0, largest = 1.0;  // singular values
+};
+
+// Of the system matrix at z, as a real matrix of twice the size, [Re, -Im; Im, Re], whose singular
+// values are the same ones twice.
+ExtremeValues singular_values_at(const SystemModel& mode, const Eigen::MatrixXd& GH, Complex z) {
   const Eigen::Index n = mode.A.rows(), l = mode.C.rows();
-  Eigen::MatrixXcd matrix = Eigen::MatrixXcd::Zero(n + l, n + GH.cols());
-  matrix.topLeftCorner(n, n) = mode.A.cast<Complex>();
-  matrix.diagonal().head(n).array() -= z;
-  matrix.bottomLeftCorner(l, n) = mode.C.cast<Complex>();
-  matrix.rightCols(GH.cols()) = GH.cast<Complex>();
+  const Eigen::Index rows = n + l, columns = n + GH.cols();
   // Far from the origin the identity outweighs all: its rows are brought back to size.
-  matrix.topRows(n) /= std::max(1.0, std::abs(z));
-  return Eigen::JacobiSVD<Eigen::MatrixXcd>(matrix).singularValues();
+  const double scale = 1.0 / std::max(1.0, std::abs(z));
+  Eigen::MatrixXd real = Eigen::MatrixXd::Zero(rows, columns);
+  real.topLeftCorner(n, n) = mode.A;
+  real.diagonal().head(n).array() -= z.real();
+  real.bottomLeftCorner(l, n) = mode.C;
+  real.rightCols(GH.cols()) = GH;
+  real.topRows(n) *= scale;
+  Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(2 * rows, 2 * columns);
+  whole.topLeftCorner(rows, columns) = real;
+  whole.bottomRightCorner(rows, columns) = real;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    whole(i, columns + i) = scale * z.imag();
+    whole(rows + i, i) = -scale * z.imag();
+  }
+  const Eigen::VectorXd values = singular_values(whole);
+  if (values.size() == 0) return {};
+  return {rows < columns ? 0.0 : values[values.size() - 1], values[0]};
 }
 
-// Zeros of a random square part of the system matrix: those of the whole, and some more.
+// Zeros of a random square part of the system matrix: those of the whole, and some more. By shift
+// and inversion, so that what lies at infinity becomes 0 (and 1 / 0, roughly, where it is
+// repeated).
 std::vector<Complex> candidates(const SystemModel& mode, const Eigen::MatrixXd& GH,
                                 std::uint32_t attempt) {
   const Eigen::Index n = mode.A.rows(), l = mode.C.rows(), p = GH.cols();
@@ -51,30 +72,39 @@ std::vector<Complex> candidates(const SystemModel& mode, const Eigen::MatrixXd& 
   for (Eigen::Index i = 0; i < M.size(); ++i) {
     M.data()[i] = stream.normal(1, static_cast<std::uint64_t>(i));
   }
-  Eigen::MatrixXd left = Eigen::MatrixXd::Zero(n + p, n + p);
+  const double shift = 2.0 + stream.uniform(2, 0);
+  Eigen::MatrixXd shifted(n + p, n + p);
+  shifted.topLeftCorner(n, n) = mode.A - shift * Eigen::MatrixXd::Identity(n, n);
+  shifted.topRightCorner(n, p) = GH.topRows(n);
+  shifted.bottomLeftCorner(p, n) = M * mode.C;
+  shifted.bottomRightCorner(p, p) = M * GH.bottomRows(l);
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(n + p, n + p);
-  left.topLeftCorner(n, n) = mode.A;
-  left.topRightCorner(n, p) = GH.topRows(n);
-  left.bottomLeftCorner(p, n) = M * mode.C;
-  left.bottomRightCorner(p, p) = M * GH.bottomRows(l);
   right.topLeftCorner(n, n).setIdentity();
-  const Eigen::GeneralizedEigenSolver<Eigen::MatrixXd> solver(left, right, false);
+  const Eigen::MatrixXd inverted = shifted.partialPivLu().solve(right);
+  if (!inverted.allFinite()) return {};
+  const Eigen::VectorXcd values =
+      Eigen::EigenSolver<Eigen::MatrixXd>(inverted, false).eigenvalues();
   std::vector<Complex> zeros;
-  for (Eigen::Index i = 0; i < n + p; ++i) {
-    const double beta = solver.betas()[i];
-    if (std::abs(beta) > 1e-12 * std::max(1.0, std::abs(solver.alphas()[i]))) {
-      zeros.push_back(solver.alphas()[i] / beta);
-    }
+  for (const Complex value : values) {
+    if (std::abs(value) > kInfinite * inverted.norm()) zeros.push_back(shift + 1.0 / value);
   }
   return zeros;
 }
 
+// A zero of the whole is found by every square part; what rounding makes of infinity is not.
 std::vector<Complex> invariant_zeros(const SystemModel& mode, const Eigen::MatrixXd& GH) {
   std::vector<Complex> zeros;
+  std::vector<Complex> others = candidates(mode, GH, 1);
   for (const Complex z : candidates(mode, GH, 0)) {
-    const Eigen::VectorXd values = singular_values_at(mode, GH, z);
-    const double smallest = values.size() == 0 ? 1.0 : values[values.size() - 1];
-    if (smallest <= kZeroTolerance * values[0]) zeros.push_back(z);
+    const auto other = std::min_element(others.begin(), others.end(), [z](Complex a, Complex b) {
+      return std::abs(a - z) < std::abs(b - z);
+    });
+    const double near = kSameZero * std::max(1.0, std::abs(z));
+    if (other == others.end() || std::abs(*other - z) > near) continue;
+    const ExtremeValues values = singular_values_at(mode, GH, z);
+    if (values.smallest > kZeroTolerance * values.largest) continue;
+    others.erase(other);
+    zeros.push_back(z);
   }
   std::sort(zeros.begin(), zeros.end(), [](Complex a, Complex b) {
     if (std::abs(std::abs(a) - std::abs(b)) > 1e-12) return std::abs(a) > std::abs(b);
@@ -207,10 +237,8 @@ class JointMoments {
 ModeTheory analyse_mode(const SystemModel& mode) {
   ModeTheory theory;
   const Eigen::MatrixXd GH = scaled_inputs(mode);
-  const Eigen::VectorXd generic = singular_values_at(mode, GH, Complex(0.8312, 0.4713));
-  const Eigen::Index num_columns = mode.A.rows() + GH.cols();
-  theory.is_invertible = mode.A.rows() + mode.C.rows() >= num_columns &&
-                         generic[num_columns - 1] > kPencilTolerance * generic[0];
+  const ExtremeValues generic = singular_values_at(mode, GH, Complex(0.8312, 0.4713));
+  theory.is_invertible = generic.smallest > kPencilTolerance * generic.largest;
   if (theory.is_invertible) theory.zeros = invariant_zeros(mode, GH);
   std::vector<int> rows(static_cast<std::size_t>(mode.num_measurements()));
   std::iota(rows.begin(), rows.end(), 0);

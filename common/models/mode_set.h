@@ -17,8 +17,8 @@ struct PlantMode {
 
 /// The modes that a plant can be in, or that an estimator believes in.
 struct ModeSet {
-  /// Modes beyond this number are refused: a bank has a filter for each.
-  static constexpr std::size_t kModesMax = 4096;
+  /// Modes beyond this number are refused: a bank has a filter of some 200 KB for each.
+  static constexpr std::size_t kModesMax = 1024;
 
   // The plant's equations in each topology, all channels included; at least one once read.
   std::vector<SystemModel> topologies;

@@ -46,7 +46,8 @@ inline Eigen::VectorXd vector_or_none(const nlohmann::json& values) {
   return values.empty() ? Eigen::VectorXd() : vector_of(values);
 }
 
-/// Largest difference, relative to the largest element of what is wanted, or to 1 if that is less.
+/// Largest difference, relative to the largest element of what is wanted, or to 0.001 if that is
+/// less.
 inline double difference(const Eigen::MatrixXd& value, const Eigen::MatrixXd& wanted) {
   REQUIRE(value.rows() == wanted.rows());
   REQUIRE(value.cols() == wanted.cols());

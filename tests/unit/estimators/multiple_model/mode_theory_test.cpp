@@ -101,6 +101,25 @@ TEST_CASE("a zero of the whole matrix is found, a spurious one of its square par
   CHECK(analyse_mode(model).zeros.empty());
 }
 
+TEST_CASE(
+    "what lies at infinity, however often, is no zero; a zero of a Jordan block counts twice") {
+  for (const int n : {2, 4, 6, 8}) {
+    // A chain of n: the input is n steps from the output, and there is no finite zero.
+    Eigen::MatrixXd A = 0.5 * Eigen::MatrixXd::Identity(n, n);
+    A.diagonal(1).setOnes();
+    Eigen::MatrixXd C = Eigen::MatrixXd::Zero(1, n), G = Eigen::MatrixXd::Zero(n, 1);
+    C(0, 0) = G(n - 1, 0) = 1.0;
+    const ModeTheory theory = analyse_mode(model_of(A, C, G, Eigen::MatrixXd::Zero(1, 1)));
+    INFO(n);
+    CHECK(theory.is_invertible);
+    CHECK(theory.zeros.empty());
+  }
+  const ModeTheory twice =
+      analyse_mode(model_of(square(0.6, 1.0, 0.0, 0.6), kTwo, 0.0 * kTwo, kTwo));
+  REQUIRE(twice.zeros.size() == 2);
+  for (const std::complex<double> zero : twice.zeros) CHECK(std::abs(zero - 0.6) < 1e-6);
+}
+
 TEST_CASE("models needed: Theorem 2, and the refined number without sets that others contain") {
   CHECK(num_models_needed(3, 2, 3, 2, 2, 3) == 30.0);  // 3 * C(5, 2)
   CHECK(num_models_needed(1, 3, 3, 2, 2, 1) == 12.0);
