@@ -12,14 +12,16 @@ constexpr std::uint32_t kExtendedMask = 0x1FFFFFFF;
 using Messages = std::vector<const DbcMessage*>;
 
 bool is_tick_message(const FrameLayout& layout, const DbcMessage& message) {
-  return message.name == layout.tick_message;
+  const DbcMessage* tick = layout.dbc.find(layout.tick_message);
+  return tick != nullptr && message.identifier == tick->identifier &&
+         message.is_extended == tick->is_extended;
 }
 
-// Messages that the match names, or that fall under its identifier and mask; never the tick.
+// Messages that the match names, or that fall under its identifier and mask.
 Messages selected_messages(const AttackMatch& match, const FrameLayout& layout) {
   Messages selected;
   for (const DbcMessage& message : layout.dbc.messages) {
-    if (!is_tick_message(layout, message) && selects(match, message)) selected.push_back(&message);
+    if (can_select(match, message, layout)) selected.push_back(&message);
   }
   return selected;
 }
@@ -107,6 +109,13 @@ bool AttackMatch::matches_identifier(std::uint32_t frame_identifier, bool frame_
 
 bool selects(const AttackMatch& match, const DbcMessage& message) {
   return match.matches_identifier(message.identifier, message.is_extended);
+}
+
+bool can_select(const AttackMatch& match, const DbcMessage& message, const FrameLayout& layout) {
+  if (is_tick_message(layout, message) || !selects(match, message)) return false;
+  return message.name != layout.command.message ||
+         std::find(match.messages.begin(), match.messages.end(), message.name) !=
+             match.messages.end();
 }
 
 Messages read_match(ConfigurationMap map, AttackMatch& match, const FrameLayout& layout) {

@@ -37,6 +37,9 @@ struct AttackMatch {
 /// True when the rule, by name or identifier, speaks of this message; signals are not looked at.
 bool selects(const AttackMatch& match, const DbcMessage& message);
 
+/// The same, but never for the tick, and for the layout's command only when the rule names it.
+bool can_select(const AttackMatch& match, const DbcMessage& message, const FrameLayout& layout);
+
 /// Reads the map and returns the messages that it selects, never the tick; problems are reported on
 /// the map.
 std::vector<const DbcMessage*> read_match(ConfigurationMap map, AttackMatch& match,

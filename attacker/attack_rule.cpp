@@ -4,11 +4,15 @@
 #include <cmath>
 #include <set>
 
+#include "common/name_list.h"
+
 namespace holdfast {
 namespace {
 
 constexpr Interval kFinite{std::numeric_limits<double>::lowest(),
                            std::numeric_limits<double>::max()};
+// From a forged command to the step at which it acts: the plant has to have it by then.
+constexpr std::int64_t kLeadSteps = 20;
 constexpr Interval kFiniteNonNegative{0.0, std::numeric_limits<double>::max()};
 
 using Messages = std::vector<const DbcMessage*>;
@@ -151,8 +155,28 @@ void read_flip(ConfigurationMap& map, AttackRule& rule, const Messages& selected
   }
 }
 
+// A command's mode by its name, in place of signal and value.
+void read_mode(ConfigurationMap& map, const CommandLayout& command, AttackRule& rule) {
+  std::string mode;
+  map.read("mode", mode);
+  const int index = command.find(mode);
+  if (index < 0) {
+    map.problem("mode",
+                "'" + mode + "' is none of the plant's modes: " + name_list(command.mode_names));
+  }
+  for (const char* key : {"signal", "signals", "value"}) {
+    if (!map.has(key)) continue;
+    map.problem(key, "is the command's mode already: give mode or " + std::string(key));
+    map.raw(key);
+  }
+  rule.signals = {command.mode_signal};
+  rule.values.assign(1, {});
+  rule.values.front().value = index;
+}
+
 void read_signals_and_values(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
-                             const Messages& selected) {
+                             const FrameLayout& layout, const Messages& selected) {
+  if (rule.is_on_way_back && map.has("mode")) return read_mode(map, layout.command, rule);
   if (map.has("signals")) {
     map.read("signals", rule.signals);
     if (map.has("signal")) {
@@ -183,8 +207,14 @@ void read_signals_and_values(ConfigurationMap& map, const std::string& folder, A
 
 void read_inject(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
                  const FrameLayout& layout, const Messages& selected) {
-  read_signals_and_values(map, folder, rule, selected);
+  read_signals_and_values(map, folder, rule, layout, selected);
   read_count(map.map("count"), rule.count);
+  if (rule.is_on_way_back) {
+    rule.counter_signal = layout.command.step_signal;
+    rule.counter_offset = kLeadSteps;
+    map.read("lead_steps", rule.counter_offset, {-1e9, 1e9});
+    return;
+  }
   rule.counter_signal = layout.counter_signal;
   const bool is_own_counter = map.has("counter_signal");
   map.read("counter_signal", rule.counter_signal);
@@ -221,11 +251,7 @@ std::vector<std::uint32_t> read_condition(ConfigurationMap& map, const char* key
     map.read(key, names);
   }
   std::vector<std::uint32_t> indices;
-  if (names.empty()) return indices;
-  if (rule.action == AttackRule::Action::kInject) {
-    map.problem(key, "an injection cannot depend on another rule: there is no frame to join");
-    return indices;
-  }
+  const bool is_injection = rule.action == AttackRule::Action::kInject;
   for (const std::string& name : names) {
     const auto found = std::find_if(earlier.begin(), earlier.end(),
                                     [&](const AttackRule& it) { return it.name == name; });
@@ -234,6 +260,8 @@ std::vector<std::uint32_t> read_condition(ConfigurationMap& map, const char* key
                   "no earlier rule is named '" + name + "'; earlier rules: " + list_of(earlier));
     } else if (!can_be_named(*found)) {
       map.problem(key, "'" + name + "' injects, and no frame that it forges meets another rule");
+    } else if (!is_injection && found->is_on_way_back != rule.is_on_way_back) {
+      map.problem(key, "'" + name + "' acts on frames that go the other way");
     } else {
       indices.push_back(static_cast<std::uint32_t>(found - earlier.begin()));
     }
@@ -248,12 +276,31 @@ void read_conditions(ConfigurationMap& map, AttackRule& rule,
   // Neither can ever hold: the rule would be dead without a word.
   for (const std::uint32_t index : rule.given) {
     const AttackRule& named = earlier[index];
-    if (named.action == AttackRule::Action::kDrop) {
+    if (named.action == AttackRule::Action::kDrop && rule.action != AttackRule::Action::kInject) {
       map.problem("given", "'" + named.name + "' drops, and no later rule meets those frames");
     }
     if (std::find(rule.unless.begin(), rule.unless.end(), index) != rule.unless.end()) {
       map.problem("unless", "'" + named.name + "' stands in given as well");
     }
+  }
+}
+
+void read_direction(ConfigurationMap& match_map, const FrameLayout& layout, AttackRule& rule) {
+  const std::vector<std::string>& names = rule.match.messages;
+  const auto found = std::find(names.begin(), names.end(), layout.command.message);
+  rule.is_on_way_back = layout.command.exists() && found != names.end();
+  if (rule.is_on_way_back && names.size() > 1) {
+    match_map.problem("messages", "'" + layout.command.message +
+                                      "' goes to the plant, the others to the monitor: a rule for "
+                                      "each way");
+  }
+}
+
+// What a rule remembers goes by the proxy's steps, and commands belong to those that they name.
+void check_way_back(ConfigurationMap& map, const AttackRule& rule) {
+  if (!rule.is_on_way_back || rule.action == AttackRule::Action::kInject) return;
+  if (is_over_time(rule) || replays(rule)) {
+    map.problem("value", "commands are no readings: no waveform, walk or replay");
   }
 }
 
@@ -278,7 +325,9 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std:
   if (rule.action == Action::kInject && !rule.match.signal.empty()) {
     match_map.problem("signal", "an injection compares nothing: there is no frame yet");
   }
+  read_direction(match_map, layout, rule);
   rule.window.read(map.map("window"));
+  if (map.has("times")) map.read("times", rule.times, {1.0, 1e15});
   map.read("probability", rule.probability, kProbability);
   map.read_choice("draw", rule.draw,
                   {{"frame", AttackRule::Draw::kFrame}, {"step", AttackRule::Draw::kStep}});
@@ -294,12 +343,13 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std:
     case Action::kForce:
     case Action::kAdd:
     case Action::kScale:
-      read_signals_and_values(map, folder, rule, selected);
+      read_signals_and_values(map, folder, rule, layout, selected);
       break;
     case Action::kInject:
       read_inject(map, folder, rule, layout, selected);
       break;
   }
+  check_way_back(map, rule);
   return rule;
 }
 

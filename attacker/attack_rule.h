@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -66,8 +67,11 @@ struct AttackRule {
   double probability = 1.0;
   Draw draw = Draw::kFrame;
   Action action = Action::kDrop;
+  // The rule acts on commands, on their way to the plant; else on what goes to the monitor.
+  bool is_on_way_back = false;
+  std::int64_t times = std::numeric_limits<std::int64_t>::max();  // that it acts, at most
   // Indices of earlier rules. The rule acts only on frames on which all of `given` acted and none
-  // of `unless` did.
+  // of `unless` did; an injection, in steps in which they did.
   std::vector<std::uint32_t> given, unless;
 
   static constexpr std::size_t kSignalsMax = 100;
@@ -79,14 +83,16 @@ struct AttackRule {
   ReplayDelay replay;          // of that kind
   Waveform waveform;           // of that kind; begins with the first step of the window
   CountDistribution count;     // inject
-  std::string counter_signal;  // inject: set to step + counter_offset; "" for none
+  std::string counter_signal;  // inject: set to step + counter_offset; "" for none. Of a command,
+                               // the step at which it is to act
   std::int64_t counter_offset = 0;
 };
 
 const char* to_string(AttackRule::Action action);
-/// True when the rule looks at what earlier rules did to the frame.
+/// True when whether the rule acts depends on what it or earlier rules did before.
 inline bool is_conditional(const AttackRule& rule) {
-  return !rule.given.empty() || !rule.unless.empty();
+  return !rule.given.empty() || !rule.unless.empty() ||
+         rule.times != std::numeric_limits<std::int64_t>::max();
 }
 /// True when the rule takes its values from earlier frames.
 inline bool replays(const AttackRule& rule) {

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <iostream>
 #include <optional>
 
@@ -38,9 +37,10 @@ int run(const AttackerOptions& options) {
   bus_options.owned_url = options.owned_bus;
   bus_options.wants_receive_times = !options.no_record;
   bus_options.on_event = [&attacker](const std::string& event) { attacker.remark(event); };
+  bus_options.may_write = attacker.has_commands();
   const std::unique_ptr<CanBus> from = open_can_bus(options.from, bus_options);
   bus_options.may_write = true;
-  bus_options.wants_frames = false;
+  bus_options.wants_frames = attacker.has_commands();
   const std::unique_ptr<CanBus> to = open_can_bus(options.to, bus_options);
 
   EventLoop loop;
@@ -49,12 +49,7 @@ int run(const AttackerOptions& options) {
     attacker.on_readable(*from, *to);
     if (attacker.is_finished()) loop.stop();
   });
-  // Frames on the monitor side are not ours to forward; reading tells the bus's state, and keeps
-  // the queue short where the bus delivers them all the same.
-  std::array<CanFrame, 64> ignored;
-  loop.watch_bus(*to, [&] {
-    while (to->read(ignored) == ignored.size()) continue;
-  });
+  loop.watch_bus(*to, [&] { attacker.on_monitor_readable(*from, *to); });
   loop.every(0.25, [&] { attacker.publish_status(*from, *to); });
   loop.on_stop_signal([&] {
     is_stopped = true;
@@ -84,7 +79,9 @@ int main(int argc, char** argv) {
   options.add_scenario(app);
   options.add_lcm(app);
   options.add_owned_bus(app);
-  app.add_option("--from", options.from, "Sensor-side bus URL (opened read-only)")->required();
+  app.add_option("--from", options.from,
+                 "Sensor-side bus URL (read-only, unless commands go there)")
+      ->required();
   app.add_option("--to", options.to, "Monitor-side bus URL")->required();
   app.add_flag("--no-record", options.no_record, "Neither truth nor status on LCM: forward only");
   return holdfast::run_command_line(app, "holdfast-attacker", argc, argv,

@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "common/mode_change.h"
+
 namespace holdfast {
 
 /// What an attack on signals did in one step.
@@ -29,6 +31,8 @@ class Plant {
   virtual ~Plant() = default;
   /// Moves to the next step, from 1. The reference holds until the next call.
   virtual const PlantStep& advance() = 0;
+  /// Takes a command that came on the way back; a plant that has no modes refuses all.
+  virtual CommandOutcome obey(const ModeChange&) { return CommandOutcome::kRefused; }
   /// Names of the states with units, e.g. "x_position_m".
   virtual std::vector<std::string> state_names() const = 0;
 };

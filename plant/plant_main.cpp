@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 
 #include "common/pacer.h"
 #include "drivers/can/can_bus.h"
@@ -34,13 +33,7 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
     reporter->counter("missed_deadlines") = pacer.missed();
     if (!plant.advance()) loop.stop();
   });
-  // Nothing on the sensor-side bus is for the plant; reading keeps its queue short and tells its
-  // state.
-  std::array<CanFrame, 64> ignored;
-  if (bus)
-    loop.watch_bus(*bus, [&] {
-      while (bus->read(ignored) == ignored.size()) continue;
-    });
+  if (bus) loop.watch_bus(*bus, [&] { plant.on_readable(); });
   loop.every(0.25, [&] { reporter->publish(); });
   loop.on_stop_signal([&] {
     is_stopped = true;

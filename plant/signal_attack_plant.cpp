@@ -3,6 +3,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "common/name_list.h"
@@ -83,6 +84,7 @@ SignalAttackPlant::SignalAttackPlant(ModeSet modes, SignalAttackPlantOptions opt
       start_(seed, run, "plant/start"),
       process_noise_(seed, run, "plant/process_noise"),
       measurement_noise_(seed, run, "plant/measurement_noise"),
+      changes_(options_.mode_changes),
       attack_(Eigen::VectorXd::Zero(model().num_attack_channels())),
       no_attack_(attack_),
       input_(Eigen::VectorXd::Zero(model().num_inputs())),
@@ -118,10 +120,30 @@ void SignalAttackPlant::move(std::uint32_t step) {
   step_.state.noalias() += process_roots_[topology_] * normals_;
 }
 
+CommandOutcome SignalAttackPlant::obey(const ModeChange& command) {
+  if (command.mode < 0 || command.mode >= static_cast<int>(modes_.modes.size()))
+    return CommandOutcome::kRefused;
+  const bool is_late = command.from_step <= step_.step;
+  const ModeChange change{is_late ? step_.step + 1 : command.from_step, command.mode};
+  auto place = std::find_if(changes_.begin(), changes_.end(), [&change](const ModeChange& it) {
+    return it.from_step >= change.from_step;
+  });
+  if (place != changes_.end() && place->from_step == change.from_step) {
+    place->mode = change.mode;
+  } else {
+    if (changes_.size() >= options_.mode_changes.size() + kCommandsMax)
+      return CommandOutcome::kRefused;
+    changes_.insert(place, change);
+  }
+  return is_late ? CommandOutcome::kLate : CommandOutcome::kObeyed;
+}
+
 void SignalAttackPlant::set_mode() {
-  for (const ModeChange& change : options_.mode_changes) {
-    if (change.from_step > step_.step) break;
-    mode_ = static_cast<std::size_t>(change.mode);
+  const auto is_due = [this](const ModeChange& change) { return change.from_step <= step_.step; };
+  const auto first_to_come = std::find_if_not(changes_.begin(), changes_.end(), is_due);
+  if (first_to_come != changes_.begin()) {
+    mode_ = static_cast<std::size_t>(std::prev(first_to_come)->mode);
+    changes_.erase(changes_.begin(), first_to_come);
   }
   topology_ = static_cast<std::size_t>(modes_.modes[mode_].topology);
 }

@@ -5,17 +5,12 @@
 #include <vector>
 
 #include "common/channel_signal.h"
+#include "common/mode_change.h"
 #include "common/models/mode_set.h"
 #include "common/random_stream.h"
 #include "plant/plant.h"
 
 namespace holdfast {
-
-/// The plant's mode from a step on.
-struct ModeChange {
-  std::int64_t from_step = 1;
-  int mode = 0;
-};
 
 /// YAML keys below "plant" have these names.
 struct SignalAttackPlantOptions {
@@ -51,6 +46,11 @@ class SignalAttackPlant : public Plant {
                     std::vector<std::vector<int>> rows, std::uint64_t seed, std::uint32_t run);
 
   const PlantStep& advance() override;
+  /// The newest command for a step counts, before what the options say for it. Refused: a mode that
+  /// the plant has not, and a command beyond the first kCommandsMax that wait for their steps.
+  CommandOutcome obey(const ModeChange& command) override;
+  static constexpr std::size_t kCommandsMax = 4096;
+
   std::vector<std::string> state_names() const override {
     return modes_.topologies.front().state_names;
   }
@@ -67,6 +67,7 @@ class SignalAttackPlant : public Plant {
   std::vector<std::vector<int>> rows_;
   RandomStream start_, process_noise_, measurement_noise_;
   std::vector<Eigen::MatrixXd> process_roots_, measurement_roots_;  // L with L L' = Q, R
+  std::vector<ModeChange> changes_;  // those that are to come, by step
   std::size_t mode_ = 0, topology_ = 0;
   Eigen::VectorXd attack_, no_attack_, input_, next_, normals_, noise_, reading_, clean_;
   PlantStep step_;

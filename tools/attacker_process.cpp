@@ -47,26 +47,46 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
     }
     const std::size_t count = is_last ? from.read(batch_) : from.read_waiting(batch_);
     out_.clear();
-    records_.clear();
-    for (std::size_t i = 0; i < count && !is_finished(); ++i)
-      core_.on_frame(batch_[i], out_, records_);
-    if (!out_.empty()) to.write(out_);
-    if (link_ != nullptr) record();
+    for (std::size_t i = 0; i < count && !is_finished(); ++i) core_.on_frame(batch_[i], out_);
+    send(from, to);
     if (count == 0 || is_last || is_finished()) return;
   }
 }
 
-void AttackerProcess::record() {
-  for (const AttackRecord& touched : records_) {
-    to_message(touched, core_.rules(), experiment_.step_s(), attack_frame_);
-    link_->publish("ATTACK_FRAME", attack_frame_);
+void AttackerProcess::on_monitor_readable(CanBus& from, CanBus& to) {
+  for (std::size_t count = batch_.size(); count == batch_.size();) {
+    count = to.read(batch_);
+    out_.clear();
+    if (!has_commands()) continue;
+    for (std::size_t i = 0; i < count; ++i) core_.on_monitor_frame(batch_[i], out_);
+    send(from, to);
+  }
+}
+
+void AttackerProcess::send(CanBus& from, CanBus& to) {
+  // Commands first: they are awaited for their steps.
+  if (!out_.commands.empty()) from.write(out_.commands);
+  if (!out_.frames.empty()) to.write(out_.frames);
+  if (link_ == nullptr) return;
+  record(out_.records);
+  record(out_.command_records);
+  for (const RuleSignal& signal : out_.signals) {
+    to_message(signal, core_.rules(), experiment_.step_s(), attack_signal_);
+    link_->publish("ATTACK_SIGNAL", attack_signal_);
   }
   if (sent_record_) {
-    for (const CanFrame& frame : out_) sent_record_->add(frame, core_.current_step());
+    for (const CanFrame& frame : out_.frames) sent_record_->add(frame, core_.current_step());
   }
   if (core_.current_step() == recorded_step_) return;
   status_->set_state(ProcessState::kRunning);
   flush_record();
+}
+
+void AttackerProcess::record(const std::vector<AttackRecord>& records) {
+  for (const AttackRecord& touched : records) {
+    to_message(touched, core_.rules(), experiment_.step_s(), attack_frame_);
+    link_->publish("ATTACK_FRAME", attack_frame_);
+  }
 }
 
 void AttackerProcess::flush_record() {
@@ -76,7 +96,7 @@ void AttackerProcess::flush_record() {
 
 void AttackerProcess::publish_status(CanBus& from, CanBus& to) {
   if (!status_) return;
-  const ProxyCounters& frames = core_.counters();
+  const ProxyCounters &frames = core_.counters(), &commands = core_.command_counters();
   const BusCounters rx = from.counters(), tx = to.counters();
   const std::pair<const char*, std::int64_t> values[] = {
       {"received", frames.received},
@@ -86,6 +106,11 @@ void AttackerProcess::publish_status(CanBus& from, CanBus& to) {
       {"dropped", frames.dropped},
       {"injected", frames.injected},
       {"odd_ticks", frames.odd_ticks},
+      {"commands_received", commands.received},
+      {"commands_sent", commands.sent},
+      {"commands_altered", commands.altered},
+      {"commands_dropped", commands.dropped},
+      {"commands_injected", commands.injected},
       {"bus_kernel_dropped", rx.kernel_dropped},
       {"bus_refused", rx.refused},
       {"bus_write_dropped", tx.write_dropped},

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <holdfast/attack_frame_t.hpp>
+#include <holdfast/attack_signal_t.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -23,13 +24,20 @@ class AttackerProcess {
   void set_state(ProcessState state);
   bool is_finished() const { return core_.current_step() > experiment_.num_steps; }
 
-  /// Forwards all that has arrived.
+  /// True when commands come back from the monitor-side bus: both buses are read and written.
+  bool has_commands() const { return experiment_.layout.command.exists(); }
+
+  /// Forwards all that has arrived from the sensor-side bus.
   void on_readable(CanBus& from, CanBus& to);
+  /// Forwards the commands among what has arrived from the monitor-side bus. Reading the rest tells
+  /// the bus's state, and keeps the queue short where the bus delivers frames all the same.
+  void on_monitor_readable(CanBus& from, CanBus& to);
   void publish_status(CanBus& from, CanBus& to);
   void flush_record();
 
  private:
-  void record();
+  void send(CanBus& from, CanBus& to);
+  void record(const std::vector<AttackRecord>& records);
 
   const Experiment& experiment_;
   LcmLink* link_;
@@ -37,10 +45,10 @@ class AttackerProcess {
   std::optional<FrameRecord> sent_record_;
   ProxyCore core_;
   std::array<CanFrame, 64> batch_;
-  std::vector<CanFrame> out_;
-  std::vector<AttackRecord> records_;
+  ProxyOutput out_;
   std::int64_t recorded_step_ = 1;
   attack_frame_t attack_frame_;
+  attack_signal_t attack_signal_;
 };
 
 }  // namespace holdfast

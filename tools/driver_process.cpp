@@ -10,6 +10,7 @@ DriverProcess::DriverProcess(const Experiment& experiment, LcmLink& link,
       link_(link),
       status_(link, "driver"),
       codec_(experiment.layout),
+      command_codec_(experiment.layout),
       assembler_(codec_, experiment.assembler),
       radio_(experiment.make_radio_channel(0)),
       record_(link, "CAN_RX", bus_url, experiment.step_s()) {}
@@ -20,15 +21,27 @@ void DriverProcess::on_readable(CanBus& bus) {
     for (std::size_t i = 0; i < count && !is_finished(); ++i) {
       if (experiment_.record_frames) record_.add(batch_[i], assembler_.current_step());
       const MeasurementSet* closed = assembler_.on_frame(batch_[i]);
-      if (closed != nullptr) publish(*closed);
+      if (closed == nullptr) continue;
+      publish(*closed);
+      send_commands(bus);
     }
     if (count < batch_.size() || is_finished()) return;
   }
 }
 
-void DriverProcess::close_step() {
+void DriverProcess::close_step(CanBus& bus) {
   const MeasurementSet* closed = assembler_.close_step();
-  if (closed != nullptr) publish(*closed);
+  if (closed == nullptr) return;
+  publish(*closed);
+  send_commands(bus);
+}
+
+void DriverProcess::send_commands(CanBus& bus) {
+  for (const OperatorCommand& command : experiment_.commands) {
+    if (command.after_step != set_.step) continue;
+    const CanFrame frame = command_codec_.encode(command.change);
+    status_.counter("commands_sent") += static_cast<std::int64_t>(bus.write({&frame, 1}));
+  }
 }
 
 void DriverProcess::publish(const MeasurementSet& closed) {
@@ -56,6 +69,7 @@ void DriverProcess::publish_status(CanBus& bus) {
       {"sets", frames.sets},
       {"bus_kernel_dropped", counters.kernel_dropped},
       {"bus_refused", counters.refused},
+      {"bus_write_dropped", counters.write_dropped},
       {"bus_error_frames", counters.error_frames},
       {"bus_times_down", counters.times_down}};
   for (const auto& [name, value] : values) status_.counter(name) = value;

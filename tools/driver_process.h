@@ -7,12 +7,14 @@
 
 #include "common/status.h"
 #include "drivers/can/can_bus.h"
+#include "drivers/can/command_codec.h"
 #include "tools/experiment.h"
 #include "tools/frame_record.h"
 
 namespace holdfast {
 
-/// What holdfast-can-driver does: frames of the monitor-side bus in, measurement sets out.
+/// What holdfast-can-driver does: frames of the monitor-side bus in, measurement sets out; the
+/// operator's commands back onto the bus.
 class DriverProcess {
  public:
   DriverProcess(const Experiment& experiment, LcmLink& link, const std::string& bus_url);
@@ -24,18 +26,20 @@ class DriverProcess {
   /// Reads all that has arrived.
   void on_readable(CanBus& bus);
   /// Closes the step by the driver's own clock.
-  void close_step();
+  void close_step(CanBus& bus);
   void publish_status(CanBus& bus);
   /// Publishes the record of frames that came after the last closed step.
   void flush_record() { record_.flush(assembler_.current_step()); }
 
  private:
   void publish(const MeasurementSet& closed);
+  void send_commands(CanBus& bus);
 
   const Experiment& experiment_;
   LcmLink& link_;
   StatusReporter status_;
   FrameCodec codec_;
+  CommandCodec command_codec_;
   MeasurementAssembler assembler_;
   std::unique_ptr<RadioChannel> radio_;
   FrameRecord record_;

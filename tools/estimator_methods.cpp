@@ -164,6 +164,7 @@ void read_for_modes(ConfigurationMap& map, const MethodContext& context, Estimat
     map.problem("method", error.what());
   }
   entry.kernel = linear_algebra_kernel();
+  entry.mode_names = modes.names();
   for (const PlantMode& mode : context.plant.system()->source.modes.modes) {
     entry.own_modes.push_back(modes.find(mode.name));
   }

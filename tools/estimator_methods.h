@@ -28,9 +28,10 @@ struct EstimatorEntry {
   std::string method;
   Input input = Input::kReceived;
   std::vector<int> own_modes;  // by the plant's modes; empty for a method without modes by name
-  std::string kernel;          // numeric kernel that it computes with
-  bool is_smoothed = false;    // its smoothed estimates are wanted too
-  std::int64_t lag_steps = 0;  // of them; 0: at the end of the run, by all of it
+  std::vector<std::string> mode_names;  // of its own modes; empty likewise
+  std::string kernel;                   // numeric kernel that it computes with
+  bool is_smoothed = false;             // its smoothed estimates are wanted too
+  std::int64_t lag_steps = 0;           // of them; 0: at the end of the run, by all of it
   /// Makes the estimator of one run from the scenario's seed; empty for an outside program.
   std::function<std::unique_ptr<Estimator>(std::uint64_t seed, std::uint32_t run)> make;
 

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <set>
 
+#include "common/name_list.h"
 #include "drivers/can/can_bus.h"
 
 namespace holdfast {
@@ -49,6 +51,50 @@ void read_estimators(ConfigurationMap& root, Experiment& experiment) {
   }
 }
 
+void read_commands(ConfigurationMap& network, Experiment& experiment) {
+  CommandLayout& layout = experiment.layout.command;
+  layout.mode_names = experiment.plant.mode_names();
+  if (layout.exists() && layout.mode_names.size() < 2) {
+    network.problem("command", "the plant has no modes to switch between");
+  }
+  for (ConfigurationMap& map : network.maps("commands")) {
+    OperatorCommand command;
+    std::string mode;
+    std::int64_t lead_steps = 20;
+    map.require("after_step");
+    map.read("after_step", command.after_step, {1.0, 1e9});
+    map.require("mode");
+    map.read("mode", mode);
+    command.change.mode = layout.find(mode);
+    if (map.has("mode") && command.change.mode < 0) {
+      map.problem("mode",
+                  "'" + mode + "' is none of the plant's modes: " + name_list(layout.mode_names));
+    }
+    map.read("lead_steps", lead_steps, {1.0, 1e6});
+    command.change.from_step = command.after_step + lead_steps;
+    experiment.commands.push_back(command);
+  }
+  if (!experiment.commands.empty() && !layout.exists()) {
+    network.problem("commands", "needs the key command: which message carries them");
+  }
+}
+
+// The command's signals must hold every mode and step of the run.
+void check_command_range(ConfigurationMap& network, const Experiment& experiment) {
+  const CommandLayout& layout = experiment.layout.command;
+  const DbcMessage* message = experiment.layout.dbc.find(layout.message);
+  if (!layout.exists() || message == nullptr) return;
+  const auto check = [&](const std::string& name, double largest) {
+    const DbcSignal* signal = message->find(name);
+    if (signal == nullptr || std::ldexp(1.0, signal->num_bits) > largest) return;
+    network.problem("command", "signal '" + name + "' has " + std::to_string(signal->num_bits) +
+                                   " bits, too few for " +
+                                   std::to_string(static_cast<std::int64_t>(largest)));
+  };
+  check(layout.mode_signal, static_cast<double>(layout.mode_names.size()) - 1.0);
+  check(layout.step_signal, static_cast<double>(experiment.num_steps));
+}
+
 void read_network(ConfigurationMap map, const std::string& folder, Experiment& experiment) {
   map.read("sensor_bus", experiment.sensor_bus);
   map.read("monitor_bus", experiment.monitor_bus);
@@ -75,6 +121,8 @@ void read_network(ConfigurationMap map, const std::string& folder, Experiment& e
   experiment.assembler.check_counter = check == "match";
   experiment.assembler.closed_by_tick = close == "tick";
   experiment.plant.take_layout(experiment.layout, map);
+  read_commands(map, experiment);
+  check_command_range(map, experiment);
 }
 
 void read_groups(ConfigurationMap& root, Experiment& experiment) {
@@ -192,10 +240,15 @@ std::vector<std::string> Experiment::scored_names() const {
   return scored;
 }
 
-const EstimatorEntry& Experiment::estimator(const std::string& estimator_name) const {
+const EstimatorEntry* Experiment::find_estimator(const std::string& estimator_name) const {
   for (const EstimatorEntry& entry : estimators) {
-    if (entry.name == estimator_name) return entry;
+    if (entry.name == estimator_name) return &entry;
   }
+  return nullptr;
+}
+
+const EstimatorEntry& Experiment::estimator(const std::string& estimator_name) const {
+  if (const EstimatorEntry* entry = find_estimator(estimator_name)) return *entry;
   std::string names;
   for (const EstimatorEntry& entry : estimators) names += (names.empty() ? "" : ", ") + entry.name;
   throw UsageError("no estimator '" + estimator_name + "' in scenario " + name +

@@ -6,6 +6,7 @@
 
 #include "attacker/attack_rule.h"
 #include "attacker/proxy_core.h"
+#include "common/mode_change.h"
 #include "drivers/can/frame_codec.h"
 #include "drivers/measurement_assembler.h"
 #include "drivers/radio_channel.h"
@@ -17,6 +18,12 @@
 #include "tools/sweep.h"
 
 namespace holdfast {
+
+/// A command that the monitor's operator gives when a step closes.
+struct OperatorCommand {
+  std::int64_t after_step = 1;
+  ModeChange change;
+};
 
 /// A scenario, read and checked: everything that a program needs to build its part.
 struct Experiment {
@@ -30,6 +37,7 @@ struct Experiment {
   std::string sensor_bus = "auto", monitor_bus = "auto";  // URLs, "auto", or both "none"
   FrameLayout layout;
   AssemblerOptions assembler;
+  std::vector<OperatorCommand> commands;
   bool record_frames = true;
 
   std::vector<AttackRule> rules;
@@ -60,6 +68,7 @@ struct Experiment {
     return [this](std::int64_t step) { return known_input(step); };
   }
   const EstimatorEntry& estimator(const std::string& estimator_name) const;  // throws UsageError
+  const EstimatorEntry* find_estimator(const std::string& estimator_name) const;  // null: none
 
   std::unique_ptr<Plant> make_plant(std::uint32_t run) const;
   std::unique_ptr<Estimator> make_estimator(const EstimatorEntry& entry, std::uint32_t run) const;

@@ -203,20 +203,23 @@ class Launcher {
                            {"{sensor_bus}", shell_quoted(network_.sensor_bus)}})};
   }
 
-  std::vector<std::string> owned() const {
-    if (options_.owned_bus.empty()) return {};
-    return {"--i-own-this-bus", options_.owned_bus};
+  // Arguments of a member that may write to a bus.
+  std::vector<std::string> owned(std::vector<std::string> arguments) const {
+    if (options_.owned_bus.empty()) return arguments;
+    arguments.insert(arguments.end(), {"--i-own-this-bus", options_.owned_bus});
+    return arguments;
   }
 
   bool start_members() {
     if (!failure_.empty() || is_interrupted_) return false;
     if (experiment_.has_bus()) {
-      members_->start("driver", command("holdfast-can-driver", {"--bus", network_.monitor_bus}),
+      members_->start("driver",
+                      command("holdfast-can-driver", owned({"--bus", network_.monitor_bus})),
                       Role::kOurs);
-      std::vector<std::string> arguments = {"--from", network_.sensor_bus, "--to",
-                                            network_.monitor_bus};
-      for (const std::string& argument : owned()) arguments.push_back(argument);
-      members_->start("attacker", command("holdfast-attacker", arguments), Role::kOurs);
+      members_->start("attacker",
+                      command("holdfast-attacker",
+                              owned({"--from", network_.sensor_bus, "--to", network_.monitor_bus})),
+                      Role::kOurs);
     }
     for (const EstimatorEntry& entry : experiment_.estimators) {
       if (entry.is_outside()) {
@@ -241,10 +244,9 @@ class Launcher {
   }
 
   bool start_plant() {
-    std::vector<std::string> arguments = {"--bus", network_.sensor_bus};
-    for (const std::string& argument : owned()) arguments.push_back(argument);
     if (experiment_.plant.command.empty()) {
-      members_->start("plant", command("holdfast-plant", arguments), Role::kOurs);
+      members_->start("plant", command("holdfast-plant", owned({"--bus", network_.sensor_bus})),
+                      Role::kOurs);
     } else {
       members_->start("plant", outside_command(experiment_.plant.command, "plant"),
                       Role::kOutsidePlant);

@@ -96,6 +96,11 @@ std::int64_t step_of(Bytes bytes) {
   return static_cast<std::int64_t>(value);
 }
 
+// What follows the step: of an attack signal its name and values.
+Bytes after_step(const std::vector<std::uint8_t>& message) {
+  return Bytes(message).subspan(kFingerprintBytes + 24);
+}
+
 class LogComparison {
  public:
   LogComparison(const CompareOptions& options, CompareResult& result)
@@ -117,6 +122,7 @@ class LogComparison {
         log.channels[event.channel][step_of(event.data)].push_back(event.data);
       }
     }
+    sort_signals(log);
     describe(file, log, reader);
     return log;
   }
@@ -143,6 +149,16 @@ class LogComparison {
   }
 
  private:
+  // Plant and attacker both publish signals, and which of them is recorded first says nothing.
+  static void sort_signals(LogMessages& log) {
+    for (auto& [step, messages] : log.channels["ATTACK_SIGNAL"]) {
+      std::ranges::stable_sort(messages, [](const auto& a, const auto& b) {
+        return std::ranges::lexicographical_compare(after_step(a), after_step(b));
+      });
+    }
+    if (log.channels["ATTACK_SIGNAL"].empty()) log.channels.erase("ATTACK_SIGNAL");
+  }
+
   static void note_scenario(Bytes bytes, LogMessages& log) {
     run_meta_t meta;
     if (!decode_guarded(bytes, meta)) return;

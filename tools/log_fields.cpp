@@ -39,7 +39,8 @@ ChannelType channel_type(std::string_view channel) {
   if (channel == "KNOWN_INPUT") return type_of<known_input_t>(true);
   if (channel == "ATTACK_SIGNAL") return type_of<attack_signal_t>(false);
   if (channel == "ATTACK_FRAME") return type_of<attack_frame_t>(false);
-  if (channel == "CAN_RX" || channel == "CAN_TX") return type_of<can_frames_t>(false);
+  if (channel == "CAN_RX" || channel == "CAN_TX" || channel == "CAN_COMMAND")
+    return type_of<can_frames_t>(false);
   if (channel.starts_with("TIMING_")) return type_of<timing_t>(false);
   if (channel.starts_with("STATUS_")) return type_of<status_t>(false);
   if (channel == "RUN_META") return type_of<run_meta_t>(false);

@@ -1,15 +1,27 @@
 #include "tools/log_meta.h"
 
+#include <exception>
 #include <holdfast/run_meta_t.hpp>
+#include <memory>
 
 #include "common/errors.h"
 #include "common/log_file.h"
+#include "tools/experiment.h"
 
 namespace holdfast {
 namespace {
 
 // A parsed scenario takes some 250 times the memory of its text.
 constexpr std::size_t kScenarioBytesMax = 1 << 18;
+
+// Null for what an outsider or another version wrote: a review does with less.
+std::shared_ptr<const Experiment> experiment_of(const std::string& scenario) {
+  try {
+    return std::make_shared<Experiment>(experiment_from_text(scenario, "RUN_META"));
+  } catch (const std::exception&) {
+    return nullptr;
+  }
+}
 
 }  // namespace
 
@@ -31,7 +43,9 @@ ScenarioFacts facts_of(const LoggedMeta& logged, const std::string& place) {
   if (logged.meta.scenario.size() > kScenarioBytesMax)
     throw UsageError(place + ": the scenario in its RUN_META is longer than 256 kB");
   try {
-    return read_scenario_facts(logged.meta.scenario, place);
+    ScenarioFacts facts = read_scenario_facts(logged.meta.scenario, place);
+    facts.experiment = experiment_of(logged.meta.scenario);
+    return facts;
   } catch (const UsageError&) {
     if (!logged.is_damaged) throw;
     return {};

@@ -16,8 +16,9 @@ struct LoggedMeta {
 /// one that was damaged costs nothing. Throws UsageError when there is none.
 LoggedMeta read_logged_meta(const std::string& log_file);
 
-/// What its scenario says; nothing when it is damaged and no YAML any more. Throws UsageError,
-/// which names the place, when a whole one is no YAML, or is longer than 256 kB.
+/// What its scenario says, the experiment included; nothing when it is damaged and no YAML any
+/// more. Throws UsageError, which names the place, when a whole one is no YAML, or is longer than
+/// 256 kB.
 ScenarioFacts facts_of(const LoggedMeta& logged, const std::string& place);
 
 }  // namespace holdfast

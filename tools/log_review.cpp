@@ -141,6 +141,7 @@ class Reviewer {
       review_.frames_received = review_.frames_recorded;
     }
     review_.frames_touched = trace_.frames_touched;
+    review_.num_commands = trace_.num_commands;
     for (const auto& [name, rule] : trace_.rules) review_.rules.push_back(rule);
     const auto ended = [this](const ProcessReview* process) {
       return !review_.tail_is_torn && (process == nullptr || process->is_finished);
@@ -204,7 +205,8 @@ class Reviewer {
                   0, trace_.num_steps - static_cast<std::int64_t>(estimator.samples.size()));
     review_steps(trace_, estimator, review);
     review.packets_scored = count_scored_packets(review_.frames, estimator);
-    review_scores(review_, score_estimator(facts_, trace_, review_.frames, estimator), review);
+    review_scores(review_, score_estimator(facts_, trace_, review_.frames, review.name, estimator),
+                  review);
     // Somebody may have logged thousands of estimators with an estimate each.
     if (2 * static_cast<std::int64_t>(estimator.samples.size()) < review_.num_scored) {
       review.scores = {};
@@ -279,6 +281,7 @@ class Reviewer {
            std::to_string(process.step) + ", was '" + process.state + "'" +
            (process.remark.empty() ? "" : ": " + process.remark));
     }
+    warn_of_commands();
     for (const EstimatorReview& estimator : review_.estimators) warn_of(estimator);
     if (review_.truth_steps < review_.num_steps) {
       warn("the truth is known in " + std::to_string(review_.truth_steps) + " of " +
@@ -315,6 +318,20 @@ class Reviewer {
       if (trouble.odd_step > 0) {
         warn(channel + ": " + std::to_string(trouble.odd_step) +
              " messages of steps that the scenario has not");
+      }
+    }
+  }
+
+  void warn_of_commands() {
+    for (const ProcessReview& process : review_.processes) {
+      if (const std::int64_t late = process.counter("late_commands"); late > 0) {
+        warn(process.name + ": " + std::to_string(late) +
+             " commands came after the step at which they were to act and acted in the next one; "
+             "give them more lead_steps");
+      }
+      if (const std::int64_t refused = process.counter("refused_commands"); refused > 0) {
+        warn(process.name + ": refused " + std::to_string(refused) +
+             " commands: malformed, of no mode of the plant, or too many waiting");
       }
     }
   }

@@ -102,6 +102,7 @@ struct RunReview {
   std::optional<std::int64_t> frames_received;  // by the driver: its own count, else CAN_RX
   std::int64_t frames_recorded = 0;             // CAN_RX
   std::int64_t frames_touched = 0;              // ATTACK_FRAME
+  std::int64_t num_commands = 0;                // to the plant: CAN_COMMAND
   std::vector<RuleReview> rules;
   FrameLabels frames;
   std::vector<PacketRow> packets;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <holdfast/attack_frame_t.hpp>
 #include <holdfast/attack_signal_t.hpp>
 #include <holdfast/can_frames_t.hpp>
@@ -11,8 +12,13 @@
 #include <holdfast/timing_t.hpp>
 #include <holdfast/truth_t.hpp>
 #include <limits>
+#include <optional>
 
+#include "attacker/attack_messages.h"
 #include "common/status.h"
+#include "drivers/can/can_messages.h"
+#include "tools/bus_inputs.h"
+#include "tools/experiment.h"
 #include "tools/log_fields.h"
 #include "tools/scenario_facts.h"
 
@@ -35,6 +41,8 @@ class LogCollector {
  public:
   LogCollector(LogTrace& trace, const ScenarioFacts& facts)
       : trace_(trace), attack_truth_(facts.attack_truth) {
+    if (facts.experiment != nullptr)
+      bus_inputs_.emplace(facts.experiment->plant, facts.experiment->layout);
     for (const char* process : {"plant", "driver", "attacker"})
       known_channels_.insert(channel_name("STATUS_", process));
     for (const auto& [name, is_campaign_only] : facts.estimators) {
@@ -55,6 +63,10 @@ class LogCollector {
       take<can_frames_t>(event, [&](const can_frames_t& m, ChannelTrouble&) {
         on_frames(m, channel == "CAN_RX");
       });
+    } else if (channel == "CAN_COMMAND") {
+      take<can_frames_t>(event, [this](const can_frames_t& m, ChannelTrouble&) {
+        trace_.num_commands += m.num_frames;
+      });
     } else if (channel == "ATTACK_FRAME") {
       take<attack_frame_t>(event,
                            [this](const attack_frame_t& m, ChannelTrouble& t) { on_attack(m, t); });
@@ -69,6 +81,15 @@ class LogCollector {
     }
   }
 
+  /// Once all events have been seen.
+  void finish() {
+    for (const auto& [step, added] : added_inputs_) {
+      const auto signal = trace_.attack_signals.find(step);
+      if (signal == trace_.attack_signals.end() || signal->second.size() != added.size()) continue;
+      std::ranges::transform(signal->second, added, signal->second.begin(), std::plus<>());
+    }
+  }
+
  private:
   template <class Message, class Handler>
   void take(const LogEvent& event, Handler handler) {
@@ -79,18 +100,39 @@ class LogCollector {
       ++trouble.refused[to_string(verdict)];
       return;
     }
-    note_seq(event.channel, message.seq, trouble);
-    const auto [last, is_first] = last_utime_.try_emplace(event.channel, message.utime);
-    if (!is_first && message.utime < last->second) ++trouble.backward_utime;
-    last->second = message.utime;
+    const std::string producer = producer_of(event.channel, message);
+    note_seq(producer, message.seq, trouble);
+    if (goes_by_time(event.channel, message)) {
+      const auto [last, is_first] = last_utime_.try_emplace(producer, message.utime);
+      if (!is_first && message.utime < last->second) ++trouble.backward_utime;
+      last->second = message.utime;
+    }
     handler(message, trouble);
   }
 
-  void note_seq(const std::string& channel, std::int64_t logged_seq, ChannelTrouble& trouble) {
+  // Plant and attacker both say what they apply, each with its own numbers.
+  template <class Message>
+  static std::string producer_of(const std::string& channel, const Message&) {
+    return channel;
+  }
+  static std::string producer_of(const std::string& channel, const attack_signal_t& message) {
+    return message.name.starts_with(kRuleSignalPrefix) ? channel + " of rules" : channel;
+  }
+
+  // Commands speak of a time to come, in any order.
+  template <class Message>
+  static bool goes_by_time(const std::string& channel, const Message&) {
+    return channel != "CAN_COMMAND";
+  }
+  static bool goes_by_time(const std::string&, const attack_frame_t& message) {
+    return message.direction == attack_frame_t::TO_MONITOR;
+  }
+
+  void note_seq(const std::string& producer, std::int64_t logged_seq, ChannelTrouble& trouble) {
     // Differences of two stay in range, whatever was logged.
     const std::int64_t seq =
         std::clamp<std::int64_t>(logged_seq, 0, std::numeric_limits<std::int64_t>::max() / 2);
-    const auto [last, is_first] = last_seq_.try_emplace(channel, seq);
+    const auto [last, is_first] = last_seq_.try_emplace(producer, seq);
     if (is_first) return;
     // An outsider that does not count leaves seq at 0.
     if (seq == 0 && last->second == 0) return;
@@ -193,7 +235,8 @@ class LogCollector {
 
   void on_signal(const attack_signal_t& message, ChannelTrouble& trouble) {
     trace_.knows_attacks = true;
-    if (!is_step(message.step, trouble)) return;
+    // What a rule adds reaches frames, and the records of those say what it did to them.
+    if (!is_step(message.step, trouble) || message.name.starts_with(kRuleSignalPrefix)) return;
     std::vector<double>& signal = trace_.attack_signals[message.step];
     signal.insert(signal.end(), message.value.begin(), message.value.end());
     const auto acts = [](double value) { return value != 0.0; };
@@ -209,16 +252,30 @@ class LogCollector {
     }
   }
 
+  // What a rule adds to a sensor's signal is an input that estimators may find.
+  void note_input(const attack_frame_t& message) {
+    CanFrame original, forwarded;
+    if (!bus_inputs_ || !bus_inputs_->exists() || message.disposition != attack_frame_t::ALTERED ||
+        !from_message(message.original, original) || !from_message(message.forwarded, forwarded)) {
+      return;
+    }
+    std::vector<double>& added = added_inputs_[message.step];
+    added.resize(static_cast<std::size_t>(bus_inputs_->num_channels()));
+    bus_inputs_->add(original, forwarded, added);
+  }
+
   void on_attack(const attack_frame_t& message, ChannelTrouble& trouble) {
     ++trace_.frames_touched;
     trace_.knows_attacks = true;
-    if (is_step(message.step, trouble)) {
+    const bool is_command = message.direction == attack_frame_t::TO_PLANT;
+    if (!is_command && is_step(message.step, trouble)) {
       if (attack_truth_ != AttackTruth::kSignals) trace_.attacked_steps.insert(message.step);
       trace_.frame_actions[message.step] |= static_cast<std::uint32_t>(message.actions);
       const bool has_original = message.disposition != attack_frame_t::INJECTED;
       const can_frame_t& frame = has_original ? message.original : message.forwarded;
       trace_.touched.push_back(
           {message.step, message.rx_index, frame.identifier, message.disposition});
+      note_input(message);
     }
     std::pair<std::string, std::string> key{message.rule, message.action};
     if (trace_.rules.size() >= kOtherChannelsMax && !trace_.rules.contains(key))
@@ -229,7 +286,7 @@ class LogCollector {
     if (message.disposition == attack_frame_t::ALTERED) ++rule.altered;
     if (message.disposition == attack_frame_t::DROPPED) ++rule.dropped;
     if (message.disposition == attack_frame_t::INJECTED) ++rule.injected;
-    trace_.labeler.add_attack(message);
+    if (!is_command) trace_.labeler.add_attack(message);
   }
 
   void on_estimate(const estimate_t& message, EstimatorTrace& estimator, ChannelTrouble& trouble) {
@@ -266,6 +323,8 @@ class LogCollector {
   AttackTruth attack_truth_;
   std::set<std::string> known_channels_, other_channels_;
   std::map<std::string, std::int64_t> last_seq_, last_utime_;
+  std::optional<BusInputs> bus_inputs_;
+  std::map<std::int64_t, std::vector<double>> added_inputs_;  // by step, one for each channel
   std::int64_t last_log_utime_ = 0;
   bool has_log_time_ = false;
 };
@@ -283,6 +342,7 @@ LogTrace collect_trace(LogReader& reader, const ScenarioFacts& facts, std::int64
   LogCollector collector(trace, facts);
   LogEvent event;
   for (num_events = 0; reader.next(event); ++num_events) collector.on_event(event);
+  collector.finish();
   if (trace.num_steps == 0 && !trace.truth.empty()) trace.num_steps = trace.truth.rbegin()->first;
   std::size_t num_messages = std::max(trace.truth.size(), trace.measurement_steps.size());
   for (const auto& [suffix, estimator] : trace.estimators)

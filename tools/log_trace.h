@@ -81,8 +81,10 @@ struct LogTrace {
   std::vector<PacketRow> packets;
   PacketLabeler labeler;
   std::int64_t frames_touched = 0;
+  std::int64_t num_commands = 0;  // that the plant read
   std::vector<FrameMark> touched, received;
-  std::map<std::int64_t, std::vector<double>> attack_signals;  // by step, one after the other
+  std::map<std::int64_t, std::vector<double>> attack_signals;  // by step, one after the other,
+                                                               // with what rules added to sensors
   std::set<std::int64_t> attacked_steps;
   std::map<std::int64_t, std::uint32_t> frame_actions;  // by step, of all frames: attack_frame_t
   bool knows_attacks = false;  // somebody who would tell of attacks wrote to the log

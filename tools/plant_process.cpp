@@ -14,10 +14,35 @@ PlantProcess::PlantProcess(const Experiment& experiment, CanBus* bus, LcmLink& l
       status_(link, "plant"),
       plant_(experiment.make_plant(0)),
       codec_(experiment.layout),
+      command_codec_(experiment.layout),
+      command_record_(link, "CAN_COMMAND", experiment.sensor_bus, experiment.step_s()),
       assembler_(codec_, experiment.assembler),
       radio_(experiment.make_radio_channel(0)) {}
 
+void PlantProcess::on_readable() {
+  for (std::size_t count = batch_.size(); count == batch_.size();) {
+    count = bus_->read(batch_);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (command_codec_.has_identifier(batch_[i])) obey(batch_[i]);
+    }
+  }
+}
+
+void PlantProcess::obey(const CanFrame& frame) {
+  const std::optional<ModeChange> command = command_codec_.decode(frame);
+  const CommandOutcome outcome = command ? plant_->obey(*command) : CommandOutcome::kRefused;
+  ++status_.counter("commands");
+  if (outcome == CommandOutcome::kLate) ++status_.counter("late_commands");
+  if (outcome == CommandOutcome::kRefused) ++status_.counter("refused_commands");
+  if (!experiment_.record_frames) return;
+  // By the step at which it acts: when it came is not the same in every run.
+  const std::int64_t step = command ? command->from_step : 0;
+  command_record_.add(frame, step);
+  command_record_.flush(step);
+}
+
 bool PlantProcess::advance() {
+  if (bus_ != nullptr) on_readable();
   const PlantStep& step = plant_->advance();
   publish_truth(step);
   publish_known_input(step.step);
@@ -30,6 +55,9 @@ bool PlantProcess::advance() {
     send();
   } else {
     publish_measurements();
+    for (const OperatorCommand& command : experiment_.commands) {
+      if (command.after_step == step.step) obey(command_codec_.encode(command.change));
+    }
   }
   status_.set_step(step.step);
   return step.step < experiment_.num_steps;

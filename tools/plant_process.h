@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <holdfast/attack_signal_t.hpp>
 #include <holdfast/known_input_t.hpp>
 #include <holdfast/measurement_set_t.hpp>
@@ -9,7 +10,9 @@
 
 #include "common/status.h"
 #include "drivers/can/can_bus.h"
+#include "drivers/can/command_codec.h"
 #include "tools/experiment.h"
+#include "tools/frame_record.h"
 
 namespace holdfast {
 
@@ -22,6 +25,8 @@ class PlantProcess {
 
   StatusReporter& status() { return status_; }
 
+  /// Takes the commands that have arrived; all else on the sensor-side bus is not for the plant.
+  void on_readable();
   /// Takes the next step; false after the last one.
   bool advance();
 
@@ -30,6 +35,7 @@ class PlantProcess {
   void publish_truth(const PlantStep& step);
   void publish_known_input(std::int64_t step);
   void send();
+  void obey(const CanFrame& frame);
   void publish_measurements();
 
   const Experiment& experiment_;
@@ -38,6 +44,8 @@ class PlantProcess {
   StatusReporter status_;
   std::unique_ptr<Plant> plant_;
   FrameCodec codec_;
+  CommandCodec command_codec_;
+  FrameRecord command_record_;
   MeasurementAssembler assembler_;
   std::unique_ptr<RadioChannel> radio_;
   truth_t truth_;
@@ -45,6 +53,7 @@ class PlantProcess {
   known_input_t known_input_;
   measurement_set_t measurement_;
   std::vector<CanFrame> frames_;
+  std::array<CanFrame, 64> batch_;
 };
 
 }  // namespace holdfast

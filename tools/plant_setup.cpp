@@ -124,6 +124,10 @@ std::vector<std::string> PlantSetup::state_names() const {
   return BinaryTargetPlant(binary_target()->model, binary_target()->options, 0, 0).state_names();
 }
 
+std::vector<std::string> PlantSetup::mode_names() const {
+  return system() != nullptr ? system()->source.modes.names() : std::vector<std::string>();
+}
+
 std::vector<StateGroup> PlantSetup::default_groups() const {
   if (system() == nullptr) {
     return {{"position", {0, 2}, "m", 20.0}, {"velocity", {1, 3}, "m/s", 0.0}};

@@ -45,6 +45,8 @@ struct PlantSetup {
   bool is_usable() const;
   double step_s() const;
   std::vector<std::string> state_names() const;
+  /// What a command can order; empty for a plant without modes.
+  std::vector<std::string> mode_names() const;
   /// Groups of states for scenarios that name none.
   std::vector<StateGroup> default_groups() const;
   /// True for a plant whose attack signals say whether a step is attacked, whatever the frames do.

@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "tools/experiment.h"
 #include "tools/printable_text.h"
 
 namespace holdfast {
@@ -72,6 +73,15 @@ double error_norm(const StateGroup& group, const std::vector<double>& mean,
   return std::sqrt(sum);
 }
 
+std::string mode_name(const FigureContext& context, const ShownEstimator& estimator,
+                      std::size_t mode) {
+  const auto& experiment = context.facts.experiment;
+  const EstimatorEntry* entry =
+      experiment == nullptr ? nullptr : experiment->find_estimator(estimator.review->name);
+  if (entry != nullptr && mode < entry->mode_names.size()) return "mode " + entry->mode_names[mode];
+  return "mode " + std::to_string(mode);
+}
+
 void add_mode_figure(const FigureContext& context, const ShownEstimator& estimator,
                      std::vector<Figure>& figures) {
   std::size_t num_modes = 0;
@@ -82,7 +92,7 @@ void add_mode_figure(const FigureContext& context, const ShownEstimator& estimat
                               "Mode probabilities of " + estimator.name, "probability");
   for (std::size_t mode = 0; mode < std::min(num_modes, kModesMax); ++mode) {
     FigureSeries series;
-    series.name = "mode " + std::to_string(mode);
+    series.name = mode_name(context, estimator, mode);
     for (const auto& [step, sample] : estimator.trace->samples) {
       if (mode < sample.mode_probability.size())
         add_step(series, step, sample.mode_probability[mode]);

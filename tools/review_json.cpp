@@ -95,6 +95,7 @@ Json label_json(const std::map<PacketLabel, std::int64_t>& counts) {
 Json frames_json(const RunReview& review) {
   Json json = {{"sent", optional_json(review.frames_sent)},
                {"touched", review.frames_touched},
+               {"commands", review.num_commands},
                {"received", optional_json(review.frames_received)},
                {"recorded", review.frames_recorded}};
   json["labels"] = review.frames.has_sent ? label_json(review.frames.count) : Json(nullptr);

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "estimators/estimate.h"
+#include "tools/experiment.h"
 #include "tools/frame_truth.h"
 
 namespace holdfast {
@@ -159,8 +160,11 @@ class Combiner {
 }  // namespace
 
 RunScores score_estimator(const ScenarioFacts& facts, const LogTrace& trace,
-                          const FrameLabels& labels, const EstimatorTrace& estimator) {
+                          const FrameLabels& labels, const std::string& name,
+                          const EstimatorTrace& estimator) {
   if (trace.num_scored < 1) return {};
+  const EstimatorEntry* entry =
+      facts.experiment == nullptr ? nullptr : facts.experiment->find_estimator(name);
   RunScorer scorer(facts.groups, static_cast<std::size_t>(trace.num_scored));
   Estimate estimate;
   for (const auto& [step, sample] : estimator.samples) {
@@ -176,6 +180,7 @@ RunScores score_estimator(const ScenarioFacts& facts, const LogTrace& trace,
       truth.mode = static_cast<int>(
           true_hypothesis(actions != trace.frame_actions.end() ? actions->second : 0));
     }
+    if (entry != nullptr) truth.mode = entry->own_mode(truth.mode);
     truth.is_attacked = trace.attacked_steps.contains(step);
     const auto signal = trace.attack_signals.find(step);
     if (signal != trace.attack_signals.end()) truth.attack_signal = signal->second;

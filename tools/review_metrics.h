@@ -13,9 +13,11 @@ namespace holdfast {
 /// Scores one estimator of a log against the truth, step by step.
 ///
 /// A step counts as attacked when ATTACK_FRAME has a record of it or an ATTACK_SIGNAL is not zero
-/// in it; a packet does when its label says so. Unknown labels and outcomes count nowhere.
+/// in it; a packet does when its label says so. Unknown labels and outcomes count nowhere. The name
+/// says whose modes the estimator's are, where the scenario has it.
 RunScores score_estimator(const ScenarioFacts& facts, const LogTrace& trace,
-                          const FrameLabels& labels, const EstimatorTrace& estimator);
+                          const FrameLabels& labels, const std::string& name,
+                          const EstimatorTrace& estimator);
 
 /// 1 for each attacked step, else 0; empty when the log does not tell.
 std::vector<double> attacked_steps(const LogTrace& trace);

@@ -31,6 +31,8 @@ ReportTable frame_table(const RunReview& review) {
   table.rows = {{"sent by the plant", count_text(review.frames_sent)},
                 {"touched by a rule", std::to_string(review.frames_touched)},
                 {"received by the driver", count_text(review.frames_received)}};
+  if (review.num_commands > 0)
+    table.rows.push_back({"commands that the plant read", std::to_string(review.num_commands)});
   if (!review.frames.has_sent) return table;
   for (const auto& [label, count] : review.frames.count)
     table.rows.push_back({std::string(to_string(label)) + ", on the bus", std::to_string(count)});

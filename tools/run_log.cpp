@@ -1,5 +1,6 @@
 #include "tools/run_log.h"
 
+#include <cmath>
 #include <holdfast/attack_frame_t.hpp>
 #include <holdfast/attack_signal_t.hpp>
 #include <holdfast/can_frames_t.hpp>
@@ -14,6 +15,7 @@
 #include "common/run_meta.h"
 #include "common/status.h"
 #include "drivers/can/can_messages.h"
+#include "drivers/can/command_codec.h"
 #include "estimators/estimate_messages.h"
 #include "estimators/smoothed_stream.h"
 #include "plant/truth_messages.h"
@@ -25,8 +27,8 @@ namespace {
 class RunLog {
  public:
   RunLog(const Experiment& experiment, LogWriter& writer, Simulation& simulation)
-      : experiment_(experiment), writer_(writer) {
-    frames_.bus = "loop:";
+      : experiment_(experiment), writer_(writer), command_codec_(experiment.layout) {
+    frames_.bus = command_.bus = "loop:";
     for (std::size_t i = 0; i < simulation.entries().size(); ++i) {
       const EstimatorEntry& entry = *simulation.entries()[i];
       if (!entry.is_smoothed) continue;
@@ -44,10 +46,13 @@ class RunLog {
       to_message(signal, simulation.truth().step, utime, signal_);
       writer_.write_message("ATTACK_SIGNAL", utime, signal_);
     }
-    for (const AttackRecord& record : simulation.attack_records()) {
-      to_message(record, experiment_.rules, experiment_.step_s(), attack_);
-      writer_.write_message("ATTACK_FRAME", utime, attack_);
+    for (const RuleSignal& signal : simulation.rule_signals()) {
+      to_message(signal, experiment_.rules, experiment_.step_s(), signal_);
+      writer_.write_message("ATTACK_SIGNAL", utime, signal_);
     }
+    write_records(simulation.attack_records());
+    write_records(simulation.command_records());
+    if (experiment_.record_frames) write_commands(simulation.commands());
     if (experiment_.has_bus() && experiment_.record_frames) write_frames(simulation, utime);
     to_message(simulation.measurements(), measurement_);
     writer_.write_message("MEASUREMENT", utime, measurement_);
@@ -76,6 +81,27 @@ class RunLog {
     };
   }
 
+  void write_records(const std::vector<AttackRecord>& records) {
+    for (const AttackRecord& record : records) {
+      to_message(record, experiment_.rules, experiment_.step_s(), attack_);
+      writer_.write_message("ATTACK_FRAME", utime_, attack_);
+    }
+  }
+
+  // As the plant records them: one message each, by the step at which it acts.
+  void write_commands(const std::vector<CanFrame>& commands) {
+    for (const CanFrame& frame : commands) {
+      const std::optional<ModeChange> command = command_codec_.decode(frame);
+      command_.step = command ? command->from_step : 0;
+      command_.utime =
+          std::llround(static_cast<double>(command_.step) * experiment_.step_s() * 1e6);
+      command_.num_frames = 1;
+      command_.frames.resize(1);
+      to_message(frame, num_commands_++, command_.frames.front());
+      writer_.write_message("CAN_COMMAND", utime_, command_);
+    }
+  }
+
   // The simulated buses lose nothing: the driver reads what the attacker sent.
   void write_frames(const Simulation& simulation, std::int64_t utime) {
     frames_.utime = utime;
@@ -96,7 +122,9 @@ class RunLog {
   can_frames_t frames_;
   measurement_set_t measurement_;
   estimate_t estimate_;
-  std::int64_t num_frames_ = 0, utime_ = 0;
+  CommandCodec command_codec_;
+  can_frames_t command_;
+  std::int64_t num_frames_ = 0, num_commands_ = 0, utime_ = 0;
   std::vector<Smoothed> smoothed_;
 };
 

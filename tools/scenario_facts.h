@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -9,6 +10,8 @@
 #include "tools/path_plot.h"
 
 namespace holdfast {
+
+struct Experiment;
 
 /// What a review needs of a resolved scenario. Read leniently, since outsiders write logs too: what
 /// is missing or of another kind stays empty.
@@ -24,6 +27,7 @@ struct ScenarioFacts {
   std::vector<std::pair<std::string, bool>> estimators;  // name, is campaign only
   std::vector<PlotPoint> sensors;
   std::string family;  // hash of the scenario but for its seed: runs that belong to one average
+  std::shared_ptr<const Experiment> experiment;  // null when it is no whole scenario of ours
 };
 
 inline constexpr int kNoState = 1 << 30;

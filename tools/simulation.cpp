@@ -10,11 +10,13 @@ namespace holdfast {
 Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
     : experiment_(experiment),
       codec_(experiment.layout),
+      command_codec_(experiment.layout),
       plant_(experiment.make_plant(run)),
       proxy_(experiment.make_proxy(run)),
       assembler_(codec_, experiment.assembler),
       clean_assembler_(codec_, experiment.assembler),
-      radio_(experiment.make_radio_channel(run)) {
+      radio_(experiment.make_radio_channel(run)),
+      bus_inputs_(experiment.plant, experiment.layout) {
   for (const EstimatorEntry& entry : experiment.estimators) {
     if (entry.is_outside()) continue;
     entries_.push_back(&entry);
@@ -35,11 +37,11 @@ void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
     set = *closed;
     if (radio_) radio_->apply(set);
   };
-  std::size_t delivered = sent_.size();
+  std::size_t delivered = sent_.frames.size();
   const auto pass = [&](const CanFrame& frame) {
     if (!has_attacker || !experiment_.has_bus()) return deliver(frame);
-    proxy_.on_frame(frame, sent_, records_);
-    for (; delivered < sent_.size(); ++delivered) deliver(sent_[delivered]);
+    proxy_.on_frame(frame, sent_);
+    for (; delivered < sent_.frames.size(); ++delivered) deliver(sent_.frames[delivered]);
   };
   for (std::size_t source = 0; source < readings.size(); ++source) {
     pass(codec_.encode(static_cast<int>(source), readings[source], step_));
@@ -53,10 +55,38 @@ void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
   if (radio_) radio_->apply(set);
 }
 
+// The operator sees the step close and may answer; what the plant then hears, it has in time for
+// the next step, since a simulated bus takes none.
+void Simulation::pass_commands() {
+  for (const OperatorCommand& command : experiment_.commands) {
+    if (command.after_step != step_) continue;
+    const CanFrame frame = command_codec_.encode(command.change);
+    if (experiment_.has_bus()) {
+      proxy_.on_monitor_frame(frame, sent_);
+    } else {
+      sent_.commands.push_back(frame);
+    }
+  }
+  for (const CanFrame& frame : sent_.commands) {
+    if (const auto command = command_codec_.decode(frame)) plant_->obey(*command);
+  }
+}
+
+void Simulation::collect_attack() {
+  true_attack_.clear();
+  for (const AttackSignal& signal : truth_->attack_signals)
+    true_attack_.insert(true_attack_.end(), signal.value.begin(), signal.value.end());
+  if (!bus_inputs_.exists()) return;
+  for (const AttackRecord& record : sent_.records) {
+    if (record.disposition == AttackRecord::Disposition::kAltered)
+      bus_inputs_.add(record.original, record.forwarded, true_attack_);
+  }
+}
+
 // The simulated buses lose nothing, so the nth frame sent is the nth one received.
 bool Simulation::is_authentic(const Packet& packet) const {
   return std::ranges::none_of(
-      records_, [&packet](const AttackRecord& r) { return r.tx_index == packet.rx_index; });
+      sent_.records, [&packet](const AttackRecord& r) { return r.tx_index == packet.rx_index; });
 }
 
 std::int64_t Simulation::num_authentic() const {
@@ -87,7 +117,7 @@ const MeasurementSet& Simulation::input_of(const EstimatorEntry& entry) const {
 
 AttackHypothesis Simulation::done_to_frames() const {
   std::uint32_t actions = 0;
-  for (const AttackRecord& record : records_) actions |= record.actions;
+  for (const AttackRecord& record : sent_.records) actions |= record.actions;
   return true_hypothesis(actions);
 }
 
@@ -108,11 +138,11 @@ bool Simulation::is_attacked() const {
     case AttackTruth::kSignals:
       return has_signal_attack();
     case AttackTruth::kFrames:
-      return !records_.empty();
+      return !sent_.records.empty();
     case AttackTruth::kAny:
       break;
   }
-  return !records_.empty() || has_signal_attack();
+  return !sent_.records.empty() || has_signal_attack();
 }
 
 bool Simulation::advance() {
@@ -120,9 +150,10 @@ bool Simulation::advance() {
   ++step_;
   truth_ = &plant_->advance();
   sent_.clear();
-  records_.clear();
   pass_bus(truth_->readings, assembler_, true, received_);
   if (needs_clean_) pass_bus(truth_->clean_readings, clean_assembler_, false, clean_);
+  pass_commands();
+  collect_attack();
   if (needs_authentic_) keep_authentic();
   for (ToldEstimator* told : told_) {
     told->tell({has_signal_attack(), truth_->mode, done_to_frames()});

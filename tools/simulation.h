@@ -4,7 +4,9 @@
 #include <memory>
 #include <vector>
 
+#include "drivers/can/command_codec.h"
 #include "tools/bounds/clairvoyant_filter.h"
+#include "tools/bus_inputs.h"
 #include "tools/experiment.h"
 
 namespace holdfast {
@@ -32,6 +34,8 @@ class Simulation {
   std::int64_t num_authentic() const;
   /// True when a signal attack acts in this step.
   bool has_signal_attack() const;
+  /// All attack signals of the step, one after the other, with what rules added to sensors.
+  const std::vector<double>& true_attack() const { return true_attack_; }
   /// What the modes of estimators are scored against: the plant's mode, or what was done to frames
   /// where the scenario's attack_truth is those.
   int true_mode() const;
@@ -39,12 +43,18 @@ class Simulation {
   bool is_attacked() const;
   /// estimates()[i] belongs to entries()[i].
   const std::vector<const Estimate*>& estimates() const { return estimates_; }
-  const std::vector<AttackRecord>& attack_records() const { return records_; }  // of this step
-  const std::vector<CanFrame>& sent_frames() const { return sent_; }            // of this step
+  /// Of this step, about what goes to the monitor; commands have their own.
+  const std::vector<AttackRecord>& attack_records() const { return sent_.records; }
+  const std::vector<AttackRecord>& command_records() const { return sent_.command_records; }
+  const std::vector<RuleSignal>& rule_signals() const { return sent_.signals; }  // of this step
+  const std::vector<CanFrame>& sent_frames() const { return sent_.frames; }      // of this step
+  const std::vector<CanFrame>& commands() const { return sent_.commands; }       // of this step
 
  private:
   void pass_bus(const std::vector<std::vector<double>>& readings, MeasurementAssembler& assembler,
                 bool has_attacker, MeasurementSet& set);
+  void pass_commands();
+  void collect_attack();
   bool is_authentic(const Packet& packet) const;
   void keep_authentic();
   AttackHypothesis done_to_frames() const;
@@ -52,6 +62,7 @@ class Simulation {
 
   const Experiment& experiment_;
   FrameCodec codec_;
+  CommandCodec command_codec_;
   std::unique_ptr<Plant> plant_;
   ProxyCore proxy_;
   MeasurementAssembler assembler_, clean_assembler_;
@@ -63,8 +74,9 @@ class Simulation {
   const PlantStep* truth_ = nullptr;
   MeasurementSet received_, clean_, authentic_;
   bool needs_clean_ = false, needs_authentic_ = false;
-  std::vector<CanFrame> sent_;
-  std::vector<AttackRecord> records_;
+  ProxyOutput sent_;
+  BusInputs bus_inputs_;
+  std::vector<double> true_attack_;
   Eigen::VectorXd known_input_;
   std::int64_t step_ = 0;
 };

@@ -14,6 +14,8 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
   LcmLink link(options.lcm_url);
   DriverProcess driver(experiment, link, bus_url);
   BusOptions bus_options;
+  bus_options.may_write = !experiment.commands.empty();
+  bus_options.owned_url = options.owned_bus;
   bus_options.on_event = [&driver](const std::string& event) { driver.status().remark(event); };
   const std::unique_ptr<CanBus> bus = open_can_bus(bus_url, bus_options);
 
@@ -25,7 +27,7 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
     clock = std::make_unique<Pacer>(std::max(experiment.period_s, 1e-6));
     loop.watch(clock->file_descriptor(), [&] {
       for (std::int64_t due = clock->acknowledge(); due > 0 && !driver.is_finished(); --due)
-        driver.close_step();
+        driver.close_step(*bus);
       if (driver.is_finished()) loop.stop();
     });
   };
@@ -66,7 +68,9 @@ int main(int argc, char** argv) {
   std::string bus;
   options.add_scenario(app);
   options.add_lcm(app);
-  app.add_option("--bus", bus, "Monitor-side bus URL (opened read-only)")->required();
+  options.add_owned_bus(app);
+  app.add_option("--bus", bus, "Monitor-side bus URL (read-only, unless the scenario has commands)")
+      ->required();
   return holdfast::run_command_line(app, "holdfast-can-driver", argc, argv,
                                     [&] { return holdfast::run(options, bus); });
 }

@@ -14,7 +14,20 @@
 
 namespace holdfast {
 
-/// Which messages of a DBC file are the plant's readings, and which one ends a step.
+/// Which message of a DBC file orders a mode of the plant, and what the modes are called.
+struct CommandLayout {
+  std::string message;  // "" when the network carries no commands
+  std::string mode_signal = "MODE";
+  std::string step_signal = "STEP";     // the step from which the mode holds
+  std::vector<std::string> mode_names;  // the signal's value is an index into these
+
+  bool exists() const { return !message.empty(); }
+  /// Index of a mode by its name, -1 when there is none.
+  int find(const std::string& mode) const;
+};
+
+/// Which messages of a DBC file are the plant's readings, which one ends a step, and which one goes
+/// the other way.
 struct FrameLayout {
   Dbc dbc;
   std::vector<std::string> messages;  // source i is messages[i]
@@ -22,9 +35,10 @@ struct FrameLayout {
   std::string counter_signal;        // "" when frames carry no step counter
   std::string tick_message = "StepTick";
   std::string tick_signal = "STEP";
+  CommandLayout command;  // its names of modes are the plant's, which is not known here
 
   /// Reads the keys dbc (a file, relative to the folder) or dbc_text (its text), messages, signals,
-  /// counter_signal, tick.message and tick.signal.
+  /// counter_signal, tick.message, tick.signal, command.message, command.mode and command.step.
   ///
   /// The resolved document holds dbc_text in place of dbc, so that it needs no other file. Reported
   /// on the map: each problem of the DBC, names that it lacks, and what a codec cannot be made of.

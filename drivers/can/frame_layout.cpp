@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <array>
 #include <filesystem>
 #include <fstream>
@@ -119,6 +120,27 @@ class LayoutCheck {
     }
   }
 
+  void check_command(ConfigurationMap map) {
+    const CommandLayout& command = layout_.command;
+    const DbcMessage* message = layout_.dbc.find(command.message);
+    if (message == nullptr) {
+      map.problem("message", "'" + command.message + "' is no message of the DBC; it has " +
+                                 names_of(layout_.dbc.messages));
+      return;
+    }
+    if (command.message == layout_.tick_message ||
+        std::find(layout_.messages.begin(), layout_.messages.end(), command.message) !=
+            layout_.messages.end()) {
+      map.problem("message", "'" + command.message + "' is a reading or the tick already");
+    }
+    std::vector<const DbcSignal*> used;
+    check_command_signal(*message, map, "mode", command.mode_signal, 16, used);
+    check_command_signal(*message, map, "step", command.step_signal, 32, used);
+    const std::string overlapping = overlapping_signal(used);
+    if (!overlapping.empty())
+      map.problem("step", "'" + overlapping + "' shares bits with the mode's");
+  }
+
   // What is left can only be told by making a codec: whether one frame can carry all the signals.
   void check_codec() {
     if (!is_good_ || layout_.messages.empty()) return;
@@ -137,6 +159,21 @@ class LayoutCheck {
   void problem(const char* key, const std::string& text) {
     is_good_ = false;
     map_.problem(key, text);
+  }
+
+  static void check_command_signal(const DbcMessage& message, ConfigurationMap& map,
+                                   const char* key, const std::string& name, int bits_max,
+                                   std::vector<const DbcSignal*>& used) {
+    const DbcSignal* signal = message.find(name);
+    if (signal == nullptr) return map.problem(key, no_signal(message, name));
+    used.push_back(signal);
+    const bool is_plain = signal->kind == DbcSignal::Kind::kUnsigned && signal->scale == 1.0 &&
+                          signal->offset == 0.0 && signal->num_bits <= bits_max &&
+                          signal->multiplexing == DbcSignal::Multiplexing::kNone;
+    if (is_plain) return;
+    map.problem(key, "'" + name + "' must be an unsigned integer of at most " +
+                         std::to_string(bits_max) +
+                         " bits with scale 1 and offset 0, not multiplexed");
   }
 
   void check_signals(const DbcMessage& message) {
@@ -182,6 +219,11 @@ class LayoutCheck {
 
 }  // namespace
 
+int CommandLayout::find(const std::string& mode) const {
+  const auto found = std::find(mode_names.begin(), mode_names.end(), mode);
+  return found == mode_names.end() ? -1 : static_cast<int>(found - mode_names.begin());
+}
+
 void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
   std::string text;
   const std::string name = read_dbc_text(map, folder, text);
@@ -193,6 +235,13 @@ void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
   ConfigurationMap tick = map.map("tick");
   tick.read("message", tick_message);
   tick.read("signal", tick_signal);
+  if (map.has("command")) {
+    ConfigurationMap command_map = map.map("command");
+    command_map.require("message");
+    command_map.read("message", command.message);
+    command_map.read("mode", command.mode_signal);
+    command_map.read("step", command.step_signal);
+  }
   if (map.has("messages") && messages.empty())
     map.problem("messages", "at least one message is needed");
   if (map.has("signals") && signals.empty())
@@ -203,6 +252,7 @@ void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
   LayoutCheck check(*this, map);
   check.check_tick(tick);
   check.check_messages();
+  if (command.exists()) check.check_command(map.map("command"));
   check.check_codec();
 }
 

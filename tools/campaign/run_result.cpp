@@ -165,13 +165,9 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
     result.estimators[i].step_times.add(time_ns);
   };
   SmoothedScores smoothed(experiment, simulation);
-  std::vector<double> attack_signal;
   RunCounters counters;
   while (simulation.advance()) {
     const PlantStep& truth = simulation.truth();
-    attack_signal.clear();
-    for (const AttackSignal& signal : truth.attack_signals)
-      attack_signal.insert(attack_signal.end(), signal.value.begin(), signal.value.end());
     const bool attacked = simulation.is_attacked();
     result.is_attacked.push_back(attacked ? 1.0 : 0.0);
     if (needs_authentic)
@@ -180,7 +176,7 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
     const TrueStep true_step{{truth.state.data(), static_cast<std::size_t>(truth.state.size())},
                              simulation.true_mode(),
                              attacked,
-                             attack_signal};
+                             simulation.true_attack()};
     for (std::size_t i = 0; i < scorers.size(); ++i) {
       const Estimate& estimate = *simulation.estimates()[i];
       TrueStep believed = true_step;

@@ -79,13 +79,11 @@ std::span<const double> span_of(const Eigen::VectorXd& values) {
 }
 
 // What really was, of what the figure shows; a mode is one or zero.
-std::span<const double> true_values(PaperFigure::Kind kind, const PlantStep& truth,
+std::span<const double> true_values(PaperFigure::Kind kind, const Simulation& simulation,
                                     std::vector<double>& modes) {
+  const PlantStep& truth = simulation.truth();
   if (kind == PaperFigure::Kind::kStates) return span_of(truth.state);
-  if (kind == PaperFigure::Kind::kAttack) {
-    if (truth.attack_signals.empty()) return {};
-    return truth.attack_signals.front().value;
-  }
+  if (kind == PaperFigure::Kind::kAttack) return simulation.true_attack();
   std::fill(modes.begin(), modes.end(), 0.0);
   if (truth.mode >= 0 && static_cast<std::size_t>(truth.mode) < modes.size()) {
     modes[static_cast<std::size_t>(truth.mode)] = 1.0;
@@ -122,11 +120,10 @@ void draw_signals(const PaperFigure& figure, const Experiment& experiment, Figur
     series.y.push_back(values[static_cast<std::size_t>(index)]);
   };
   while (simulation.advance()) {
-    const PlantStep& truth = simulation.truth();
-    const auto step = static_cast<double>(truth.step);
+    const auto step = static_cast<double>(simulation.truth().step);
     std::size_t place = 0;
     for (const std::int64_t source : figure.sources) {
-      add(drawn.series[place++], step, true_values(figure.kind, truth, modes), source);
+      add(drawn.series[place++], step, true_values(figure.kind, simulation, modes), source);
       for (std::size_t i = 0; i < num_estimators; ++i) {
         const Estimate& estimate = *simulation.estimates()[i];
         const bool is_attack = figure.kind == PaperFigure::Kind::kAttack;

@@ -44,6 +44,7 @@ class EqualTest(RunTest):
         # Negative control: another seed is another run, and the comparison says so.
         self.assert_succeeds(call("campaign", scenario, *small, *sets(seed=2), "--log", self.path("other.lcm")))
         self.assertEqual(call("review", "--compare", run.log, self.path("other.lcm"))[0], 1)
+        return run
 
     def play(self, run, names):
         """Feeds fresh estimators with lcm-logplayer and records what they say.
@@ -98,9 +99,37 @@ class EqualTest(RunTest):
         self.check(network_scenario("ieee14"), ("hybrid",), (
             *EARLY_ATTACK, *sets(attacks__injection__value=replay), *ONLY_HYBRID))
 
-    def test_modes_of_three_areas(self):
-        # The ties open within the forty steps that are run.
-        self.check(network_scenario("three_area"), ("static", "dynamic"), ("--set", "plant.mode_changes.1.from_step=20"))
+    def test_breakers_and_commands_of_three_areas(self):
+        """Ties opened by a forged command, closed again by one of the operator that the attacker bends."""
+        rules = ("[{name: open, match: {messages: [BreakerCommand]}, window: {first_step: 2, last_step: 2}, "
+                 "action: inject, mode: '000', lead_steps: 18}, "
+                 "{name: bend, match: {messages: [BreakerCommand]}, action: substitute, mode: '001'}, "
+                 "{name: lie, match: {messages: [Area1]}, action: add, signal: OMEGA, "
+                 "value: {distribution: random_walk, std: 0.5}}]")
+        commands = "[{after_step: 8, mode: '111', lead_steps: 22}, {after_step: 15, mode: '100', lead_steps: 22}]"
+        run = self.check(network_scenario("three_area"), ("static", "dynamic"),
+                         ("--set", f"attacks={rules}", "--set", f"network.commands={commands}"))
+        modes, orders, records, signals = {}, [], [], []
+        for channel, payload in harness.read_log(run.log):
+            if channel == "PLANT_TRUTH":
+                truth = harness.holdfast.truth_t.decode(payload)
+                modes[truth.step] = truth.mode
+            elif channel == "CAN_COMMAND":
+                message = harness.holdfast.can_frames_t.decode(payload)
+                orders += [(message.step, frame.data[0]) for frame in message.frames]
+            elif channel == "ATTACK_FRAME":
+                record = harness.holdfast.attack_frame_t.decode(payload)
+                if record.direction == record.TO_PLANT:
+                    records.append((record.rule, record.step))
+            elif channel == "ATTACK_SIGNAL":
+                signal = harness.holdfast.attack_signal_t.decode(payload)
+                if signal.name == "rule/lie":
+                    signals.append((signal.step, len(signal.value)))
+        self.assertEqual(orders, [(20, 4), (30, 2), (37, 2)])
+        self.assertEqual([modes[k] for k in (19, 20, 29, 30, 36, 37, 40)], [1, 4, 4, 2, 2, 2, 2])
+        self.assertEqual(sorted(records), [("bend", 30), ("bend", 37), ("open", 2)])
+        self.assertEqual(signals, [(k, 1) for k in range(1, 41)])
+        self.assertEqual([w for w in run.review()["warnings"] if "command" in w], [])
 
     def test_known_inputs_and_attack_locations(self):
         extra = [part for entry in ("plant.mode_changes.1.from_step=20", "plant.inputs.0.window.first_step=5")

@@ -1,5 +1,6 @@
 """A frame that somebody sends into the monitor bus in mid-run is labelled foreign and shifts no other label."""
 import csv
+import os
 import struct
 import subprocess
 import unittest
@@ -49,6 +50,26 @@ class ForeignTest(RunTest):
         self.addCleanup(calm.link.close)
         self.assert_succeeds(calm.finish())
         self.assertEqual([label for label in self.labels(run.log) if label[2] != "foreign"], self.labels(calm.log))
+
+    def test_the_plant_obeys_commands_from_outside_and_counts_what_it_cannot_do(self):
+        scenario = os.path.join(harness.SOURCE, "scenarios", "three_area.yaml")
+        run = self.start(*sets(steps=STEPS, period_s=0.03 * harness.PATIENCE, attacks="[]"), scenario=scenario)
+        run.wait_for_step(10)
+        orders = [struct.pack("<BI", 3, 40), struct.pack("<BI", 2, 3), struct.pack("<BI", 200, 45), b"\x01"]
+        self.send(run, 0x040, orders)
+        self.assert_succeeds(run.finish())
+        modes = {truth.step: truth.mode for truth in (
+            holdfast.truth_t.decode(payload) for channel, payload in harness.read_log(run.log) if channel == "PLANT_TRUTH")}
+        changes = [step for step in range(2, STEPS + 1) if modes[step] != modes[step - 1]]
+        self.assertEqual([modes[step] for step in changes], [2, 3])
+        self.assertEqual(changes[1], 40)
+        self.assertGreater(changes[0], 10)  # too late for step 3, so at the next step
+        plant = next(process for process in run.review()["processes"] if process["name"] == "plant")
+        counters = plant["counters"]
+        self.assertEqual([counters[name] for name in ("commands", "late_commands", "refused_commands")], [4, 1, 2])
+        warnings = " ".join(run.review()["warnings"])
+        self.assertIn("refused 2 commands", warnings)
+        self.assertIn("1 commands came after the step", warnings)
 
 
 if __name__ == "__main__":

@@ -39,16 +39,14 @@ std::vector<std::array<double, 2>> attacked(const std::string& yaml, int num_ste
     message.signals[i].pack({frame.data.data(), frame.num_bytes}, kReading[i]);
   }
   ProxyCore proxy(rules_of(yaml), layout, 1, 0, 1.0);
-  std::vector<CanFrame> sent;
-  std::vector<AttackRecord> records;
+  ProxyOutput out;
   std::vector<std::array<double, 2>> vectors;
   for (int step = 1; step <= num_steps; ++step) {
-    sent.clear();
-    records.clear();
-    proxy.on_frame(frame, sent, records);
-    proxy.end_step(sent, records);
-    vectors.push_back(
-        {message.signals[0].unpack(sent[0].bytes()), message.signals[1].unpack(sent[0].bytes())});
+    out.clear();
+    proxy.on_frame(frame, out);
+    proxy.end_step(out);
+    vectors.push_back({message.signals[0].unpack(out.frames[0].bytes()),
+                       message.signals[1].unpack(out.frames[0].bytes())});
   }
   return vectors;
 }

@@ -98,7 +98,10 @@ Outcome run_proxy(const std::vector<AttackRule>& rules, const std::vector<CanFra
                   std::uint64_t seed, std::uint32_t run, double step_s) {
   ProxyCore proxy(rules, test_layout(), seed, run, step_s);
   Outcome outcome;
-  for (const CanFrame& frame : frames) proxy.on_frame(frame, outcome.sent, outcome.records);
+  ProxyOutput out;
+  for (const CanFrame& frame : frames) proxy.on_frame(frame, out);
+  outcome.sent = std::move(out.frames);
+  outcome.records = std::move(out.records);
   outcome.counters = proxy.counters();
   return outcome;
 }

@@ -220,10 +220,6 @@ TEST_CASE("conditions that name no earlier rule that can hold are told") {
   }
   says("action: flip, bit: 0, given: ghosts", "given: 'ghosts' injects");
   says("action: flip, bit: 0, unless: ghosts", "unless: 'ghosts' injects");
-  says("match: {messages: [Flag1]}, action: inject, signal: DETECT, value: {value: 1}, given: one",
-       "given: an injection cannot depend on another rule");
-  says("match: {messages: [Flag1]}, action: inject, signal: DETECT, value: {value: 1}, unless: one",
-       "unless: an injection cannot depend on another rule");
   says("action: flip, bit: 0, given: two", "given: 'two' drops");
   says("action: flip, bit: 0, given: one, unless: [two, one]",
        "unless: 'one' stands in given as well");
@@ -252,5 +248,38 @@ TEST_CASE("a resolved condition reads back as it was") {
   for (std::size_t i = 0; i < rules.size(); ++i) {
     CHECK(again[i].given == rules[i].given);
     CHECK(again[i].unless == rules[i].unless);
+  }
+}
+
+TEST_CASE("an injection's conditions speak of what other rules did in the step") {
+  const std::string rules =
+      "attacks: [{name: seen, match: {messages: [Level], signal: LEVEL, at_least: 2}, action: "
+      "arm}, "
+      "{name: gone, match: {messages: [Flag1]}, action: drop, window: {first_step: 4}}, "
+      "{name: a, match: {messages: [Flag2]}, action: inject, signal: DETECT, value: {value: 1}, "
+      "given: seen, unless: gone}, {name: b, match: {messages: [Flag3]}, action: inject, "
+      "signal: DETECT, value: {value: 1}, given: gone}]";
+  const Outcome outcome = run_proxy(
+      rules_of(rules), steps_of(6, [](int step) {
+        return std::vector<CanFrame>{reading("Level", step, "LEVEL", step % 2 == 1 ? 3.0 : 1.0),
+                                     reading("Flag1", step, "", 0)};
+      }));
+  std::vector<std::pair<std::int64_t, std::size_t>> injected;
+  for (const AttackRecord& record : outcome.records) {
+    if (record.disposition == AttackRecord::Disposition::kInjected)
+      injected.emplace_back(record.step, record.rule);
+  }
+  CHECK(injected ==
+        std::vector<std::pair<std::int64_t, std::size_t>>{{1, 2}, {3, 2}, {4, 3}, {5, 3}, {6, 3}});
+}
+
+TEST_CASE("a rule acts as often as it may, and no oftener") {
+  for (const std::string action : {"flip, signal: DETECT", "drop"}) {
+    const Outcome outcome = run_proxy(
+        rules_of("attacks: [{name: r, match: {messages: [Flag1]}, times: 3, action: " + action +
+                 "}]"),
+        steps_of(5, flags));
+    REQUIRE(outcome.records.size() == 3);
+    CHECK(outcome.records.back().step == 2);
   }
 }

@@ -115,15 +115,14 @@ TEST_CASE("no rule touches the tick, whatever it matches, and odd ticks do not m
                                        long_tick, fd_tick, remote_tick, tick(2)};
   for (const char* yaml : everything) {
     ProxyCore proxy(rules_of(yaml), test_layout(), 1, 0, 1.0);
-    std::vector<CanFrame> sent;
-    std::vector<AttackRecord> records;
+    ProxyOutput out;
     for (const CanFrame& frame : ticks) {
       CHECK(proxy.current_step() ==
-            (sent.empty() ? 1 : 2));  // all between the first and the last are odd
-      proxy.on_frame(frame, sent, records);
+            (out.frames.empty() ? 1 : 2));  // all between the first and the last are odd
+      proxy.on_frame(frame, out);
     }
-    CHECK(same_frames(sent, ticks));
-    CHECK(records.empty());
+    CHECK(same_frames(out.frames, ticks));
+    CHECK(out.records.empty());
     CHECK(proxy.current_step() == 3);
     CHECK(proxy.counters().odd_ticks == 6);
     CHECK(proxy.counters().passed == 8);
@@ -132,11 +131,10 @@ TEST_CASE("no rule touches the tick, whatever it matches, and odd ticks do not m
 
 TEST_CASE("the tick's step wraps with its width") {
   ProxyCore proxy({}, test_layout(), 1, 0, 1.0);
-  std::vector<CanFrame> sent;
-  std::vector<AttackRecord> records;
+  ProxyOutput out;
   for (std::int64_t step = 1; step <= 70000; ++step) {
-    sent.clear();
-    proxy.on_frame(tick(step & 0xFFFF), sent, records);
+    out.clear();
+    proxy.on_frame(tick(step & 0xFFFF), out);
   }
   CHECK(proxy.current_step() == 70001);
 }
@@ -309,11 +307,10 @@ TEST_CASE("without a tick in the layout the owner ends the steps") {
   ProxyCore proxy(rules_of("attacks: [{name: i, match: {messages: [Flag1]}, action: inject, "
                            "signal: DETECT, value: {value: 1}}]"),
                   layout, 1, 0, 1.0);
-  std::vector<CanFrame> sent;
-  std::vector<AttackRecord> records;
-  proxy.on_frame(tick(1), sent, records);
+  ProxyOutput out;
+  proxy.on_frame(tick(1), out);
   CHECK(proxy.current_step() == 1);
-  proxy.end_step(sent, records);
+  proxy.end_step(out);
   CHECK(proxy.current_step() == 2);
-  CHECK(records.size() == 1);
+  CHECK(out.records.size() == 1);
 }

@@ -77,14 +77,16 @@ TEST_CASE(
     INFO(seed);
     Storm storm(seed);
     ProxyCore proxy(rules_of(kManyRules), test_layout(), seed, 0, 1.0);
-    std::vector<CanFrame> received, sent;
-    std::vector<AttackRecord> records;
+    std::vector<CanFrame> received;
+    ProxyOutput out;
+    const std::vector<CanFrame>& sent = out.frames;
+    const std::vector<AttackRecord>& records = out.records;
     std::int64_t ticks_received = 0;
     for (int i = 0; i < 20000; ++i) {
       received.push_back(storm.next(proxy.current_step()));
       if (received.back().identifier == 0x7F0 && !received.back().has(CanFrame::kExtended))
         ++ticks_received;
-      proxy.on_frame(received.back(), sent, records);
+      proxy.on_frame(received.back(), out);
     }
     const ProxyCounters& c = proxy.counters();
     CHECK(c.received == 20000);
@@ -166,22 +168,19 @@ TEST_CASE("the proxy allocates nothing once its lists have grown") {
   std::vector<CanFrame> frames;
   for (int i = 0; i < 5000; ++i) frames.push_back(storm.next(0));
   ProxyCore proxy(rules_of(kManyRules), test_layout(), 1, 0, 1.0);
-  std::vector<CanFrame> sent;
-  std::vector<AttackRecord> records;
-  sent.reserve(64);
-  records.reserve(64);
+  ProxyOutput out;
+  out.frames.reserve(64);
+  out.records.reserve(64);
   const std::int64_t before = holdfast::testing::allocation_count();
   for (const CanFrame& frame : frames) {
-    sent.clear();
-    records.clear();
-    proxy.on_frame(frame, sent, records);
-    sent.clear();
-    records.clear();
-    if (proxy.counters().received % 16 == 0) proxy.end_step(sent, records);
+    out.clear();
+    proxy.on_frame(frame, out);
+    out.clear();
+    if (proxy.counters().received % 16 == 0) proxy.end_step(out);
   }
   CHECK(holdfast::testing::allocation_count() == before);
   CHECK(proxy.counters().injected > 0);
-  sent.shrink_to_fit();
-  sent.resize(1000);
+  out.frames.shrink_to_fit();
+  out.frames.resize(1000);
   CHECK(holdfast::testing::allocation_count() > before);  // negative control: the count does count
 }

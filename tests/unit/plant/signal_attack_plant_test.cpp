@@ -150,4 +150,87 @@ TEST_CASE("a signal attack on a channel that is not there is told") {
   CHECK_THROWS_WITH(options_of("{start_state: [1]}", model), Catch::Contains("start_state"));
 }
 
+namespace {
+
+// Modes that differ in A: 0.5, 0.6, 0.7; no noise, so that the state says which one moved it.
+ModeSet three_modes() {
+  SystemModel model;
+  model.A = Eigen::MatrixXd::Constant(1, 1, 0.5);
+  model.C = Eigen::MatrixXd::Ones(1, 1);
+  model.G = Eigen::MatrixXd::Zero(1, 0);
+  model.H = Eigen::MatrixXd::Zero(1, 0);
+  model.Q = model.R = Eigen::MatrixXd::Zero(1, 1);
+  model.step_s = 0.1;
+  model.state_names = {"x"};
+  model.measurement_names = {"y"};
+  ModeSet modes;
+  for (int i = 0; i < 3; ++i) {
+    modes.topologies.push_back(model);
+    modes.topologies.back().A(0, 0) += 0.1 * i;
+    modes.topology_names.push_back(std::to_string(i));
+    modes.modes.push_back({"m" + std::to_string(i), i, {}});
+  }
+  return modes;
+}
+
+SignalAttackPlant commanded_plant(const std::string& mode_changes) {
+  ConfigurationDocument document = ConfigurationDocument::from_text(
+      "{start_state: [1], mode_changes: [" + mode_changes + "]}", "test.yaml");
+  SignalAttackPlantOptions options;
+  ConfigurationMap root = document.root();
+  options.read(root, three_modes(), "");
+  document.finish();
+  return SignalAttackPlant(three_modes(), options, {{0}}, 1, 0);
+}
+
+std::vector<int> modes_of(SignalAttackPlant& plant, int num_steps) {
+  std::vector<int> modes;
+  for (int k = 0; k < num_steps; ++k) modes.push_back(plant.advance().mode);
+  return modes;
+}
+
+}  // namespace
+
+TEST_CASE("a command holds from its step on, over what was planned for that step") {
+  SignalAttackPlant plant = commanded_plant("{mode: m1, from_step: 3}, {mode: m2, from_step: 6}");
+  CHECK(plant.obey({5, 0}) == CommandOutcome::kObeyed);
+  CHECK(plant.obey({6, 1}) == CommandOutcome::kObeyed);
+  CHECK(plant.obey({8, 2}) == CommandOutcome::kObeyed);
+  CHECK(plant.obey({8, 0}) == CommandOutcome::kObeyed);  // the newest counts
+  CHECK(modes_of(plant, 9) == std::vector<int>{0, 0, 1, 1, 0, 1, 1, 0, 0});
+}
+
+TEST_CASE("a command's mode moves the state from its step on") {
+  SignalAttackPlant plant = commanded_plant("");
+  plant.obey({2, 2});
+  std::vector<double> states;
+  for (int k = 0; k < 4; ++k) states.push_back(plant.advance().state[0]);
+  CHECK(states[1] == Approx(0.5));
+  CHECK(states[2] == Approx(0.5 * 0.7));
+  CHECK(states[3] == Approx(0.5 * 0.7 * 0.7));
+}
+
+TEST_CASE("a late command holds from the next step on, and says that it was late") {
+  SignalAttackPlant plant = commanded_plant("");
+  modes_of(plant, 4);
+  CHECK(plant.obey({4, 2}) == CommandOutcome::kLate);
+  CHECK(plant.obey({-5, 1}) == CommandOutcome::kLate);
+  CHECK(plant.obey({5, 2}) == CommandOutcome::kObeyed);
+  CHECK(modes_of(plant, 2) == std::vector<int>{2, 2});
+}
+
+TEST_CASE("a plant refuses modes that it has not, and a flood of commands, and goes on") {
+  SignalAttackPlant plant = commanded_plant("");
+  CHECK(plant.obey({5, 3}) == CommandOutcome::kRefused);
+  CHECK(plant.obey({5, -1}) == CommandOutcome::kRefused);
+  std::size_t obeyed = 0;
+  for (int i = 0; i < 10000; ++i) obeyed += plant.obey({100 + i, 1}) == CommandOutcome::kObeyed;
+  CHECK(obeyed == SignalAttackPlant::kCommandsMax);
+  CHECK(plant.obey({100, 2}) == CommandOutcome::kObeyed);  // takes the place of an earlier one
+  const std::vector<int> modes = modes_of(plant, 101);
+  CHECK(modes[98] == 0);
+  CHECK(modes[99] == 2);
+  CHECK(modes[100] == 1);
+}
+
 }  // namespace holdfast

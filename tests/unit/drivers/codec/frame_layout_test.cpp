@@ -1,6 +1,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "drivers/can/command_codec.h"
 #include "drivers/can/frame_codec.h"
 #include "tests/support/catch.h"
 
@@ -164,4 +165,56 @@ TEST_CASE("signals that no single frame carries are a problem") {
 }
 
 }  // namespace
+const std::string kBreakers =
+    "  dbc: three_area.dbc\n  messages: [Area1, Area2]\n  signals: [OMEGA]\n  counter_signal: "
+    "STEP\n";
+
+TEST_CASE("commands to the plant are frames and back, whatever the mode and step") {
+  FrameLayout layout;
+  std::string resolved;
+  REQUIRE(problems_of(network(kBreakers + "  command: {message: BreakerCommand}\n"), layout,
+                      &resolved) == "");
+  CHECK(layout.command.exists());
+  CHECK(layout.command.mode_signal == "MODE");
+  FrameLayout again;
+  CHECK(problems_of(resolved, again) == "");
+  CHECK(again.command.message == "BreakerCommand");
+  const CommandCodec codec(layout);
+  for (const ModeChange& command : {ModeChange{1, 0}, {70000, 255}, {4294967295, 7}}) {
+    const CanFrame frame = codec.encode(command);
+    CHECK(codec.has_identifier(frame));
+    const auto decoded = codec.decode(frame);
+    REQUIRE(decoded.has_value());
+    CHECK(decoded->mode == command.mode);
+    CHECK(decoded->from_step == command.from_step);
+    std::vector<double> values;
+    CHECK(FrameCodec(layout).decode(frame, values).kind == FrameCodec::Kind::kUnknown);
+  }
+  CanFrame frame = codec.encode({9, 1});
+  frame.flags ^= CanFrame::kFd;
+  CHECK_FALSE(codec.decode(frame).has_value());
+  CHECK(codec.has_identifier(frame));
+  // A network without commands has none.
+  FrameLayout silent;
+  REQUIRE(problems_of(network(kBreakers), silent) == "");
+  CHECK_FALSE(CommandCodec(silent).has_identifier(codec.encode({9, 1})));
+  CHECK_FALSE(CommandCodec(silent).decode(codec.encode({9, 1})).has_value());
+}
+
+TEST_CASE("a command that could not be read is refused with its reason") {
+  FrameLayout layout;
+  const auto problem = [&](const std::string& command) {
+    layout = {};
+    return problems_of(network(kBreakers + "  command: " + command + "\n"), layout);
+  };
+  CHECK(says(problem("{mode: MODE}"), "message: missing"));
+  CHECK(says(problem("{message: Breaker}"), "'Breaker' is no message of the DBC"));
+  CHECK(says(problem("{message: Area1, mode: STEP}"), "is a reading or the tick already"));
+  CHECK(says(problem("{message: StepTick, mode: STEP}"), "is a reading or the tick already"));
+  CHECK(says(problem("{message: BreakerCommand, mode: AJAR}"), "has no signal 'AJAR'"));
+  CHECK(says(problem("{message: BreakerCommand, mode: STEP, step: MODE}"), "at most 16 bits"));
+  CHECK(says(problem("{message: BreakerCommand, mode: MODE, step: MODE}"), "shares bits"));
+  CHECK(says(problem("{message: Area3, mode: OMEGA}"), "must be an unsigned integer"));
+}
+
 }  // namespace holdfast

@@ -1,5 +1,7 @@
 #include "tools/simulation.h"
 
+#include <cmath>
+
 #include "tests/support/catch.h"
 #include "tests/unit/tools/experiment/scenario_texts.h"
 
@@ -50,6 +52,88 @@ TEST_CASE("a dropped frame is a missing packet, not a zero") {
   while (simulation.advance()) {
     CHECK(simulation.measurements().packets.size() == 15);
     for (const Packet& packet : simulation.measurements().packets) CHECK(packet.source != 0);
+  }
+}
+
+TEST_CASE("a breaker's command acts as the same change of mode in the plan would") {
+  const std::vector<std::string> common = {"steps=60"};
+  const auto run = [&](std::vector<std::string> overrides) {
+    overrides.insert(overrides.end(), common.begin(), common.end());
+    const Experiment experiment = load_experiment(testing::scenario("three_area"), overrides);
+    Simulation simulation(experiment, 4);
+    std::vector<int> modes;
+    std::vector<Eigen::VectorXd> means;
+    while (simulation.advance()) {
+      modes.push_back(simulation.truth().mode);
+      means.push_back(simulation.estimates().front()->mean);
+    }
+    return std::pair(modes, means);
+  };
+  const std::string planned =
+      "plant.mode_changes=[{mode: '010', from_step: 1}, {mode: '000', from_step: 31}]";
+  const auto by_plan = run({planned, "attacks=[]"});
+  CHECK(by_plan.first[29] == 1);
+  CHECK(by_plan.first[30] == 4);
+  CHECK(run({"attacks.0.window.first_step=11", "attacks.0.window.last_step=11",
+             "attacks.0.lead_steps=20"}) == by_plan);
+  // The operator's command, with and without a bus; and one that the attacker makes come late.
+  const std::string order = "network.commands=[{after_step: 11, mode: '000', lead_steps: 20}]";
+  CHECK(run({"attacks=[]", order}) == by_plan);
+  CHECK(run({"attacks=[]", order, "network.sensor_bus=none", "network.monitor_bus=none"}) ==
+        by_plan);
+  const std::string delay =
+      "attacks=[{name: delay, match: {messages: [BreakerCommand]}, action: add, signal: STEP, "
+      "value: {value: 7}}]";
+  const auto delayed = run({delay, order});
+  CHECK(delayed.first[36] == 1);
+  CHECK(delayed.first[37] == 4);
+}
+
+TEST_CASE("what a scenario says about commands is checked against the plant") {
+  const auto says = [](const std::string& entry, const std::string& text) {
+    const std::string problems = testing::problems_of("three_area", {entry});
+    UNSCOPED_INFO(problems);
+    CHECK(problems.find(text) != std::string::npos);
+  };
+  says("network.commands=[{after_step: 3, mode: '011'}]", "none of the plant's modes: 111, 010");
+  says("network.commands=[{mode: '111'}]", "after_step: missing");
+  says("attacks.0.mode=011", "none of the plant's modes");
+  says("network.dbc_text=x", "not both");
+  says("steps=5000000000", "steps");
+  const std::string single =
+      testing::problems_of("fifth_order", {"network.command={message: StepTick, mode: STEP}"});
+  UNSCOPED_INFO(single);
+  CHECK(single.find("no modes to switch between") != std::string::npos);
+}
+
+TEST_CASE("what a rule adds to a sensor's signal is the input that estimators are scored against") {
+  const std::string wave = "waveform: sine, amplitude: 2, frequency_radps: 0.3";
+  const auto load = [](const std::string& signals, const std::string& rules) {
+    return load_experiment(testing::scenario("attack_locations"),
+                           {"steps=50", "plant.mode_changes=[{mode: a124, from_step: 1}]",
+                            "plant.signal_attacks=[" + signals + "]", "attacks=[" + rules + "]"});
+  };
+  const std::string on_bus = "{name: lie, match: {messages: [Outputs]}, action: add, signal: Y2, ";
+  const Experiment by_plant = load("{channel: sensor_2, " + wave + "}", "");
+  const Experiment by_bus = load("", on_bus + "value: {distribution: waveform, " + wave + "}}");
+  // Y5 has no channel of its own: what is added there is no input of the model.
+  const Experiment elsewhere =
+      load("",
+           "{name: lie, match: {messages: [Outputs]}, action: add, signal: Y5, "
+           "value: {distribution: waveform, " +
+               wave + "}}");
+  Simulation a(by_plant, 0), b(by_bus, 0), c(elsewhere, 0);
+  while (a.advance() && b.advance() && c.advance()) {
+    const double expected = 2.0 * std::sin(0.3 * static_cast<double>(a.truth().step - 1));
+    CHECK(a.true_attack()[2] == Approx(expected).margin(1e-12));
+    for (std::size_t channel = 0; channel < 5; ++channel) {
+      CHECK(std::abs(a.true_attack()[channel] - b.true_attack()[channel]) < 1e-5);
+      CHECK(c.true_attack()[channel] == 0.0);
+    }
+    CHECK((a.estimates()[0]->mean - b.estimates()[0]->mean).norm() < 1e-4);
+    REQUIRE(b.rule_signals().size() == 1);
+    CHECK(b.rule_signals()[0].factor == Approx(expected).margin(1e-12));
+    CHECK(a.rule_signals().empty());
   }
 }
 

@@ -1,0 +1,159 @@
+#include "attacker/rule_table.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+namespace holdfast {
+namespace {
+
+constexpr std::uint32_t kNumStandard = 1U << 11;
+
+bool needs_signal(const AttackRule& rule) {
+  return !rule.signals.empty() || !rule.match.signal.empty();
+}
+
+// Rules without names and signals act on what has no message in the DBC file, too.
+bool goes_by_identifier(const AttackRule& rule) {
+  return rule.action != AttackRule::Action::kInject && rule.match.messages.empty() &&
+         !needs_signal(rule);
+}
+
+std::int64_t selecting_value(const DbcSignal& signal) {
+  return signal.selector_ranges.empty() ? signal.selector_value
+                                        : signal.selector_ranges.front().first;
+}
+
+std::optional<DbcSignal> copy_of(const DbcSignal* signal) {
+  return signal == nullptr ? std::nullopt : std::optional<DbcSignal>(*signal);
+}
+
+}  // namespace
+
+RuleTable::RuleTable(const std::vector<AttackRule>& rules, const FrameLayout& layout) {
+  Lists standard(kNumStandard);
+  enter_named_extended(rules, layout.dbc);
+  for (std::uint32_t index = 0; index < rules.size(); ++index) {
+    const AttackRule& rule = rules[index];
+    if (goes_by_identifier(rule)) {
+      enter_by_identifier(index, rule, standard);
+      continue;
+    }
+    for (const DbcMessage& message : layout.dbc.messages) {
+      if (!can_select(rule.match, message, layout)) continue;
+      enter_by_message(index, rule, message, standard);
+    }
+  }
+  offset_.reserve(kNumStandard + 1);
+  for (const auto& list : standard) {
+    offset_.push_back(static_cast<std::uint32_t>(candidates_.size()));
+    candidates_.insert(candidates_.end(), list.begin(), list.end());
+  }
+  offset_.push_back(static_cast<std::uint32_t>(candidates_.size()));
+}
+
+// The identifiers that stand by themselves come first, so that rules by mask reach them in the
+// order of the rules.
+void RuleTable::enter_named_extended(const std::vector<AttackRule>& rules, const Dbc& dbc) {
+  for (const AttackRule& rule : rules) {
+    if (rule.action == AttackRule::Action::kInject || goes_by_identifier(rule)) continue;
+    for (const DbcMessage& message : dbc.messages) {
+      if (message.is_extended && selects(rule.match, message)) extended_[message.identifier];
+    }
+  }
+}
+
+void RuleTable::enter_by_identifier(std::uint32_t index, const AttackRule& rule, Lists& standard) {
+  const AttackMatch& match = rule.match;
+  for (std::uint32_t identifier = 0; identifier < kNumStandard; ++identifier) {
+    if (match.matches_identifier(identifier, false))
+      standard[identifier].push_back({index, -1, 0, 0});
+  }
+  if (match.identifier && !match.is_extended) return;
+  extended_by_mask_.push_back(
+      {index, -1, match.identifier.value_or(0), match.identifier ? match.mask : 0});
+  for (auto& [identifier, list] : extended_) {
+    if (match.matches_identifier(identifier, true)) list.push_back({index, -1, 0, 0});
+  }
+}
+
+void RuleTable::enter_by_message(std::uint32_t index, const AttackRule& rule,
+                                 const DbcMessage& message, Lists& standard) {
+  RuleCandidate candidate{index, -1, 0, 0};
+  if (needs_signal(rule)) {
+    std::optional<RuleTarget> target = make_target(rule, message);
+    if (!target) return;
+    candidate.target = static_cast<std::int32_t>(targets_.size());
+    targets_.push_back(std::move(*target));
+  }
+  if (rule.action == AttackRule::Action::kInject) {
+    injections_.push_back(candidate);
+    return;
+  }
+  std::vector<RuleCandidate>& list = rule.is_on_way_back   ? commands_
+                                     : message.is_extended ? extended_[message.identifier]
+                                                           : standard[message.identifier];
+  // A DBC that lists an identifier twice must not make a rule act twice.
+  if (list.empty() || list.back().rule != index) list.push_back(candidate);
+}
+
+std::optional<RuleTarget> RuleTable::make_target(const AttackRule& rule,
+                                                 const DbcMessage& message) {
+  RuleTarget target;
+  target.selector = copy_of(message.selector());
+  if (!rule.match.signal.empty()) {
+    target.compared = copy_of(message.find(rule.match.signal));
+    if (!target.compared) return std::nullopt;
+  }
+  for (const std::string& name : rule.signals) {
+    const DbcSignal* signal = message.find(name);
+    if (signal == nullptr) return std::nullopt;
+    target.acted_on.push_back(*signal);
+  }
+  if (replays(rule)) {
+    target.history = history_for(rule, frame_key(message.identifier, message.is_extended));
+  }
+  if (rule.action != AttackRule::Action::kInject) return target;
+  target.forged = message.empty_frame();
+  for (const DbcSignal& signal : target.acted_on) {
+    if (!signal.fits(target.forged.num_bytes)) return std::nullopt;
+    if (signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed && target.selector) {
+      target.selector->set_raw({target.forged.data.data(), target.forged.num_bytes},
+                               static_cast<std::uint64_t>(selecting_value(signal)));
+    }
+  }
+  if (!rule.counter_signal.empty()) target.counter = copy_of(message.find(rule.counter_signal));
+  return target;
+}
+
+// Rules that replay one message share its history.
+std::int32_t RuleTable::history_for(const AttackRule& rule, std::uint32_t key) {
+  auto found = std::find_if(histories_.begin(), histories_.end(),
+                            [key](const FrameHistory& history) { return history.key() == key; });
+  if (found == histories_.end()) found = histories_.emplace(found, key);
+  found->reach_back(rule.replay.high);
+  return static_cast<std::int32_t>(found - histories_.begin());
+}
+
+void RuleTable::remember(std::int64_t step, const CanFrame& frame) {
+  if (frame.has(CanFrame::kRemote)) return;
+  const std::uint32_t key = frame_key(frame.identifier, frame.has(CanFrame::kExtended));
+  for (FrameHistory& history : histories_) {
+    if (history.key() == key) history.remember(step, frame);
+  }
+}
+
+std::span<const RuleCandidate> RuleTable::to_monitor(const CanFrame& frame) const {
+  if (!frame.has(CanFrame::kExtended)) {
+    const std::uint32_t identifier = frame.identifier % kNumStandard;
+    return {candidates_.data() + offset_[identifier],
+            offset_[identifier + 1] - offset_[identifier]};
+  }
+  if (!extended_.empty()) {
+    const auto found = extended_.find(frame.identifier);
+    if (found != extended_.end()) return found->second;
+  }
+  return extended_by_mask_;
+}
+
+}  // namespace holdfast
