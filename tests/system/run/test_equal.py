@@ -4,6 +4,7 @@ import subprocess
 import unittest
 
 import harness
+import holdfast
 from harness import RunTest, call, sets
 
 
@@ -112,17 +113,17 @@ class EqualTest(RunTest):
         modes, orders, records, signals = {}, [], [], []
         for channel, payload in harness.read_log(run.log):
             if channel == "PLANT_TRUTH":
-                truth = harness.holdfast.truth_t.decode(payload)
+                truth = holdfast.truth_t.decode(payload)
                 modes[truth.step] = truth.mode
             elif channel == "CAN_COMMAND":
-                message = harness.holdfast.can_frames_t.decode(payload)
+                message = holdfast.can_frames_t.decode(payload)
                 orders += [(message.step, frame.data[0]) for frame in message.frames]
             elif channel == "ATTACK_FRAME":
-                record = harness.holdfast.attack_frame_t.decode(payload)
+                record = holdfast.attack_frame_t.decode(payload)
                 if record.direction == record.TO_PLANT:
                     records.append((record.rule, record.step))
             elif channel == "ATTACK_SIGNAL":
-                signal = harness.holdfast.attack_signal_t.decode(payload)
+                signal = holdfast.attack_signal_t.decode(payload)
                 if signal.name == "rule/lie":
                     signals.append((signal.step, len(signal.value)))
         self.assertEqual(orders, [(20, 4), (30, 2), (37, 2)])
@@ -130,6 +131,27 @@ class EqualTest(RunTest):
         self.assertEqual(sorted(records), [("bend", 30), ("bend", 37), ("open", 2)])
         self.assertEqual(signals, [(k, 1) for k in range(1, 41)])
         self.assertEqual([w for w in run.review()["warnings"] if "command" in w], [])
+
+    def test_an_attack_a_hundred_times_as_large_changes_no_estimate(self):
+        """To the bit, though the signals are rounded: no mode looks at those that may be attacked."""
+        def estimates(name, **values):
+            run = harness.Run(self.path(name), *sets(steps=40, period_s=0.005, **values),
+                              scenario=network_scenario("three_area"))
+            self.addCleanup(run.link.close)
+            self.assert_succeeds(run.finish())
+            found = [holdfast.estimate_t.decode(payload) for channel, payload in harness.read_log(run.log)
+                     if channel == "EST_STATIC"]
+            self.assertEqual(len(found), 40)
+            return [value for estimate in found for value in (*estimate.mean, *estimate.mode_probability)]
+
+        lie = ("[{{name: lie, match: {{messages: [Area1]}}, action: add, signal: {}, "
+               "value: {{distribution: waveform, waveform: sine, amplitude: {}, frequency_radps: 1}}}}]")
+        plain = estimates("plain", attacks="[]")
+        self.assertEqual(plain, estimates("plant", attacks="[]", plant__attack_gain=100))
+        self.assertEqual(plain, estimates("bus", attacks=lie.format("OMEGA", 500)))
+        # Negative control: a signal that no mode takes for attacked.
+        control = estimates("control", attacks=lie.format("POWER", 0.5))
+        self.assertGreater(max(abs(a - b) for a, b in zip(plain, control, strict=True)), 1e-3)
 
     def test_known_inputs_and_attack_locations(self):
         extra = [part for entry in ("plant.mode_changes.1.from_step=20", "plant.inputs.0.window.first_step=5")
