@@ -10,6 +10,7 @@
 #include "common/log_file.h"
 #include "common/run_meta.h"
 #include "common/status.h"
+#include "tools/experiment.h"
 #include "tools/log_meta.h"
 #include "tools/log_trace.h"
 #include "tools/printable_text.h"
@@ -44,7 +45,7 @@ const char* state_name(std::int32_t state) {
   }
 }
 
-TimeSummary summarise(const std::vector<StepTime>& times) {
+TimeSummary summarise(const std::vector<StepTime>& times, double period_s = 0.0) {
   if (times.empty()) return {};
   std::vector<double> times_us;
   for (const StepTime& time : times) times_us.push_back(time.time_us);
@@ -54,7 +55,12 @@ TimeSummary summarise(const std::vector<StepTime>& times) {
                         std::ceil(share * static_cast<double>(times_us.size()))) -
                     1];
   };
-  return {static_cast<std::int64_t>(times_us.size()), rank(0.5), rank(0.99), times_us.back()};
+  TimeSummary summary = {static_cast<std::int64_t>(times_us.size()), rank(0.5), rank(0.99),
+                         times_us.back(), std::nullopt};
+  if (period_s > 0.0) {
+    summary.beyond_period = times_us.end() - std::ranges::upper_bound(times_us, 1e6 * period_s);
+  }
+  return summary;
 }
 
 // Counts steps by what can be said of them.
@@ -213,12 +219,30 @@ class Reviewer {
       review.metrics.curves.clear();
     }
     review.compute_time = summarise(estimator.compute_time);
-    review.latency = summarise(estimator.latency);
+    const double period_s = facts_.experiment == nullptr ? 0.0 : facts_.experiment->period_s;
+    review.latency = summarise(estimator.latency, period_s);
+    review.sensor_latency = summarise(sensor_latency(estimator.latency), period_s);
     if (const StateGroup* position = position_group()) {
       for (const auto& [step, sample] : estimator.samples)
         add_point(sample.mean, *position, review.path);
     }
     review_.estimators.push_back(std::move(review));
+  }
+
+  // What the way through the attacker adds, where the log says when its frames were read.
+  std::vector<StepTime> sensor_latency(const std::vector<StepTime>& latency) const {
+    std::vector<StepTime> times;
+    for (const StepTime& time : latency) {
+      const auto newest = trace_.newest_packets.find(time.step);
+      if (newest == trace_.newest_packets.end()) continue;
+      const std::int64_t tx_index = review_.frames.find(newest->second.rx_index).tx_index;
+      const auto sensor = trace_.sensor_utimes.find(tx_index);
+      if (sensor == trace_.sensor_utimes.end()) continue;
+      const auto way_us =
+          static_cast<double>(newest->second.receive_utime) - static_cast<double>(sensor->second);
+      times.push_back({time.step, time.time_us + way_us});
+    }
+    return times;
   }
 
   const StateGroup* position_group() const {

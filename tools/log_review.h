@@ -24,6 +24,7 @@ struct GroupError {
 struct TimeSummary {
   std::int64_t count = 0;
   double p50_us = 0.0, p99_us = 0.0, max_us = 0.0;
+  std::optional<std::int64_t> beyond_period;  // how many were longer than the pace of a step
 };
 
 /// How one estimator did in one log.
@@ -42,7 +43,9 @@ struct EstimatorReview {
   std::int64_t nees_steps = 0;
   std::optional<double> packet_auc;  // of 1 - posterior against the labels
   std::int64_t packets_scored = 0;
-  TimeSummary compute_time, latency;
+  TimeSummary compute_time;
+  TimeSummary latency;         // from the newest reading on the monitor-side bus to the estimate
+  TimeSummary sensor_latency;  // from the same reading on the sensor-side bus
   std::vector<PlotPoint> path;
   EstimatorMetrics metrics;  // of this run alone
   RunScores scores;          // kept when it has estimates of at least half the steps

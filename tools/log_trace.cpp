@@ -216,6 +216,8 @@ class LogCollector {
     for (const can_frame_t& frame : message.frames) {
       if (!is_received) {
         trace_.labeler.add_sent(frame);
+        // A frame that is passed on keeps the stamp of the bus on which it was read.
+        if (frame.receive_utime > 0) trace_.sensor_utimes[frame.index] = frame.receive_utime;
         continue;
       }
       trace_.labeler.add_received(frame);
@@ -250,6 +252,10 @@ class LogCollector {
     for (const packet_t& packet : message.packets) {
       trace_.packets.push_back({message.step, packet.rx_index, packet.source, {}});
     }
+    if (message.packets.empty() || message.packets.back().receive_utime <= 0) return;
+    const packet_t& newest = message.packets.back();
+    trace_.newest_packets.try_emplace(message.step,
+                                      NewestPacket{newest.rx_index, newest.receive_utime});
   }
 
   // What a rule adds to a sensor's signal is an input that estimators may find.

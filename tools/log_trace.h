@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -49,6 +50,11 @@ struct EstimatorTrace {
   std::vector<StepTime> compute_time, latency;
 };
 
+/// The newest packet of a step, from which the latency of estimates counts.
+struct NewestPacket {
+  std::int64_t rx_index = -1, receive_utime = 0;
+};
+
 struct TrueState {
   int mode = 0;
   std::vector<double> state;
@@ -79,6 +85,8 @@ struct LogTrace {
   std::map<std::string, std::vector<LossMark>> losses;  // by channel of the status
   std::map<std::pair<std::string, std::string>, RuleReview> rules;
   std::vector<PacketRow> packets;
+  std::map<std::int64_t, NewestPacket> newest_packets;           // by step; those with a stamp
+  std::unordered_map<std::int64_t, std::int64_t> sensor_utimes;  // by tx_index: CAN_TX
   PacketLabeler labeler;
   std::int64_t frames_touched = 0;
   std::int64_t num_commands = 0;  // that the plant read

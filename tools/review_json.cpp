@@ -46,16 +46,17 @@ Json attacked_json(const RunReview& review) {
   return std::ranges::count(review.is_attacked, 1.0);
 }
 
+Json optional_json(const auto& value) {
+  return value ? Json(*value) : Json(nullptr);
+}
+
 Json time_json(const TimeSummary& time) {
   if (time.count == 0) return nullptr;
   return {{"count", time.count},
           {"p50_us", time.p50_us},
           {"p99_us", time.p99_us},
-          {"max_us", time.max_us}};
-}
-
-Json optional_json(const auto& value) {
-  return value ? Json(*value) : Json(nullptr);
+          {"max_us", time.max_us},
+          {"beyond_period", optional_json(time.beyond_period)}};
 }
 
 Json estimator_json(const EstimatorReview& estimator) {
@@ -80,6 +81,7 @@ Json estimator_json(const EstimatorReview& estimator) {
   json["rocs"] = rocs_json(estimator.metrics);
   json["compute_time"] = time_json(estimator.compute_time);
   json["latency"] = time_json(estimator.latency);
+  json["sensor_latency"] = time_json(estimator.sensor_latency);
   return json;
 }
 

@@ -84,6 +84,14 @@ std::string frame_lines(const RunReview& review) {
   return text;
 }
 
+// A log of a campaign has no latencies: nothing stood on a bus.
+std::string latency_lines(const RunReview& review) {
+  const auto has_latency = [](const EstimatorReview& e) { return e.latency.count > 0; };
+  if (std::ranges::none_of(review.estimators, has_latency)) return "";
+  const ReportTable table = time_table(review);
+  return text_of(table) + table.note + (table.note.empty() ? "\n" : "\n\n");
+}
+
 std::string process_lines(const RunReview& review) {
   std::string text;
   for (const ProcessReview& process : review.processes) {
@@ -106,7 +114,7 @@ std::string review_table(const RunReview& review) {
                      '\n' + printable(review.file) + "\n\n";
   const std::string rules = text_of(rule_table(review));
   text += estimator_lines(review) + '\n' + frame_lines(review) + '\n' +
-          (rules.empty() ? "" : rules + '\n') + process_lines(review);
+          (rules.empty() ? "" : rules + '\n') + latency_lines(review) + process_lines(review);
   for (const std::string& warning : review.warnings) text += "WARNING " + printable(warning) + '\n';
   return text;
 }

@@ -93,22 +93,36 @@ ReportTable process_table(const RunReview& review) {
   return table;
 }
 
+}  // namespace
+
 ReportTable time_table(const RunReview& review) {
   ReportTable table{
-      "Times", {"estimator", "time of", "steps", "p50 us", "p99 us", "max us"}, {}, ""};
+      "Times",
+      {"estimator", "time of", "steps", "p50 us", "p99 us", "max us", "beyond a period"},
+      {},
+      ""};
   for (const EstimatorReview& estimator : review.estimators) {
-    for (const auto& [what, time] : {std::pair("a step", &estimator.compute_time),
-                                     std::pair("bus to estimate", &estimator.latency)}) {
+    for (const auto& [what, time] :
+         {std::pair("a step", &estimator.compute_time),
+          std::pair("monitor bus to estimate", &estimator.latency),
+          std::pair("sensor bus to estimate", &estimator.sensor_latency)}) {
       if (time->count == 0) continue;
       table.rows.push_back({name_text(estimator.name), what, std::to_string(time->count),
                             number_text(time->p50_us), number_text(time->p99_us),
-                            number_text(time->max_us)});
+                            number_text(time->max_us), count_text(time->beyond_period)});
     }
+  }
+  for (const ProcessReview& process : review.processes) {
+    if (!process.counters.contains("missed_deadlines")) continue;
+    const std::int64_t missed = process.counter("missed_deadlines");
+    const double share = 100.0 * static_cast<double>(missed) /
+                         static_cast<double>(std::max<std::int64_t>(missed + process.step, 1));
+    table.note = "Deadlines of the pace that " + name_text(process.name) +
+                 " missed: " + std::to_string(missed) + " of " +
+                 std::to_string(missed + process.step) + " (" + number_text(share) + " %).";
   }
   return table;
 }
-
-}  // namespace
 
 ReportTable error_table(const RunReview& review) {
   ReportTable table{"RMSE over time", {"RMSE"}, {}, ""};
@@ -220,8 +234,8 @@ std::vector<ReportTable> combined_tables(const CombinedReview& combined) {
 std::string text_of(const ReportTable& table) {
   if (table.rows.empty()) return "";
   // Columns of words stand in front of those of numbers; a metric's name is one of them.
-  static constexpr std::array<std::string_view, 6> kWords = {"estimator", "minus", "metric",
-                                                             "group",     "unit",  "action"};
+  static constexpr std::array<std::string_view, 7> kWords = {
+      "estimator", "minus", "metric", "group", "unit", "action", "time of"};
   std::size_t num_left = 1;
   while (num_left < table.header.size() &&
          std::ranges::find(kWords, table.header[num_left]) != kWords.end()) {

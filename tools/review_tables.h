@@ -17,6 +17,9 @@ ReportTable error_table(const RunReview& review);
 ReportTable metric_table(const std::vector<const EstimatorMetrics*>& estimators, bool has_rmse);
 ReportTable metric_table(const RunReview& review);
 
+/// Step times and latencies of each estimator, and in the note the deadlines that the plant missed.
+ReportTable time_table(const RunReview& review);
+
 ReportTable rule_table(const RunReview& review);
 
 /// Paired differences of a combined review.

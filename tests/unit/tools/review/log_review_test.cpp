@@ -77,6 +77,56 @@ TEST_CASE("errors, NEES and times have their closed-form values") {
   CHECK(review.warnings.empty());
 }
 
+TEST_CASE("latency counts from the newest reading, on either side of the attacker") {
+  const ScratchFolder folder;
+  {
+    LogWriter log(folder.file("log"));
+    write_meta(log);
+    for (std::int64_t k = 1; k <= 4; ++k) {
+      write_truth(log, k, kTruth);
+      // Two readings a step, read by the attacker at 1000 k - 5 and 1000 k us, by the driver 100 k
+      // later; estimated 40 us after that.
+      can_frames_t sent{}, received{};
+      measurement_set_t set{};
+      sent.step = received.step = set.step = k;
+      for (std::int64_t i = 0; i < 2; ++i) {
+        can_frame_t frame{};
+        frame.index = 2 * (k - 1) + i;
+        frame.identifier = static_cast<std::int32_t>(16 * k + i);
+        frame.receive_utime = 1000 * k - 5 * (1 - i);
+        sent.frames.push_back(frame);
+        frame.receive_utime += 100 * k;
+        received.frames.push_back(frame);
+        packet_t packet{};
+        packet.rx_index = frame.index;
+        packet.receive_utime = frame.receive_utime;
+        set.packets.push_back(packet);
+      }
+      sent.num_frames = received.num_frames = set.num_packets = 2;
+      log.write_message("CAN_TX", 0, sent);
+      log.write_message("CAN_RX", 0, received);
+      log.write_message("MEASUREMENT", 0, set);
+      write_estimate(log, "EST_SECURE", k, kTruth);
+      timing_t timing{};
+      timing.step = k;
+      timing.latency_ns = 40'000;
+      log.write_message("TIMING_SECURE", 0, timing);
+    }
+    write_status(log, "plant", status_t::FINISHED, {{"frames_sent", 8}, {"missed_deadlines", 1}});
+  }
+  const ReviewedLog log = read_reviewed_log(folder.file("log"));
+  const EstimatorReview& secure = estimator(log.review, "secure");
+  CHECK(secure.latency.count == 4);
+  CHECK(secure.latency.max_us == 40.0);
+  CHECK(secure.sensor_latency.count == 4);
+  CHECK(secure.sensor_latency.p50_us == 240.0);
+  CHECK(secure.sensor_latency.max_us == 440.0);
+  CHECK_FALSE(secure.sensor_latency.beyond_period.has_value());  // no whole scenario, no pace
+  const std::string text = review_table(log.review);
+  CHECK(text.find("sensor bus to estimate") != std::string::npos);
+  CHECK(text.find("plant missed: 1 of 4 (25 %)") != std::string::npos);
+}
+
 TEST_CASE("missing, repeated, failed and non-finite steps are told apart") {
   const ScratchFolder folder;
   {
