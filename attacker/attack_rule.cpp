@@ -176,7 +176,9 @@ void read_mode(ConfigurationMap& map, const CommandLayout& command, AttackRule& 
 
 void read_signals_and_values(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
                              const FrameLayout& layout, const Messages& selected) {
-  if (rule.is_on_way_back && map.has("mode")) return read_mode(map, layout.command, rule);
+  const bool writes =
+      rule.action != AttackRule::Action::kAdd && rule.action != AttackRule::Action::kScale;
+  if (rule.is_on_way_back && writes && map.has("mode")) return read_mode(map, layout.command, rule);
   if (map.has("signals")) {
     map.read("signals", rule.signals);
     if (map.has("signal")) {
@@ -260,6 +262,8 @@ std::vector<std::uint32_t> read_condition(ConfigurationMap& map, const char* key
                   "no earlier rule is named '" + name + "'; earlier rules: " + list_of(earlier));
     } else if (!can_be_named(*found)) {
       map.problem(key, "'" + name + "' injects, and no frame that it forges meets another rule");
+    } else if (is_injection && found->is_on_way_back) {
+      map.problem(key, "'" + name + "' acts on commands, and in which step they come by is chance");
     } else if (!is_injection && found->is_on_way_back != rule.is_on_way_back) {
       map.problem(key, "'" + name + "' acts on frames that go the other way");
     } else {
@@ -298,8 +302,8 @@ void read_direction(ConfigurationMap& match_map, const FrameLayout& layout, Atta
 
 // What a rule remembers goes by the proxy's steps, and commands belong to those that they name.
 void check_way_back(ConfigurationMap& map, const AttackRule& rule) {
-  if (!rule.is_on_way_back || rule.action == AttackRule::Action::kInject) return;
-  if (is_over_time(rule) || replays(rule)) {
+  if (!rule.is_on_way_back) return;
+  if (replays(rule) || (is_over_time(rule) && rule.action != AttackRule::Action::kInject)) {
     map.problem("value", "commands are no readings: no waveform, walk or replay");
   }
 }

@@ -34,7 +34,7 @@ int run(const AttackerOptions& options) {
   if (!options.no_record) link.emplace(options.lcm_url);
   AttackerProcess attacker(experiment, options.to, link ? &*link : nullptr);
   BusOptions bus_options;
-  bus_options.owned_url = options.owned_bus;
+  bus_options.owned_urls = options.owned_buses;
   bus_options.wants_receive_times = !options.no_record;
   bus_options.on_event = [&attacker](const std::string& event) { attacker.remark(event); };
   bus_options.may_write = attacker.has_commands();

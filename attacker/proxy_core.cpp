@@ -312,16 +312,21 @@ void ProxyCore::inject(const RuleCandidate& candidate, Way way) {
                      0};
   const double draw = decision_draw(rule, stream, place);
   if (draw >= rule.probability) return;
-  ++acts_[candidate.rule].count;
+  bool has_forged = false;
   const int count = count_draw(rule, stream, place);
   for (int i = 0; i < count; ++i) {
     place.index = static_cast<std::uint32_t>(i);
     CanFrame frame = target.forged;
     if (!write_values(candidate, place, frame)) continue;
     if (target.counter && target.counter->fits(frame.num_bytes)) {
-      target.counter->set_raw(payload(frame),
-                              static_cast<std::uint64_t>(step_ + rule.counter_offset));
+      const std::int64_t counter = step_ + rule.counter_offset;
+      // A command's step is no counter that wraps: what lies before the run is merely late.
+      target.counter->set_raw(
+          payload(frame), static_cast<std::uint64_t>(
+                              rule.is_on_way_back ? std::max<std::int64_t>(counter, 0) : counter));
     }
+    if (!has_forged) ++acts_[candidate.rule].count;
+    has_forged = true;
     AttackRecord& record = way.records.emplace_back();
     record.direction = way.direction;
     record.disposition = AttackRecord::Disposition::kInjected;

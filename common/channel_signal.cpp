@@ -9,7 +9,7 @@ namespace holdfast {
 std::vector<ChannelSignal> read_channel_signals(ConfigurationMap& map, const char* key,
                                                 const char* what,
                                                 const std::vector<std::string>& names,
-                                                const std::string& folder) {
+                                                const std::string& folder, bool may_walk) {
   std::vector<ChannelSignal> signals;
   for (ConfigurationMap& entry : map.maps(key)) {
     ChannelSignal signal;
@@ -22,17 +22,19 @@ std::vector<ChannelSignal> read_channel_signals(ConfigurationMap& map, const cha
       entry.problem("channel", "'" + channel + "' is none of " + what + ": " + name_list(names));
     }
     signal.window.read(entry.map("window"));
-    signal.waveform.read(entry, folder);
+    signal.waveform.read(entry, folder, may_walk);
     signals.push_back(std::move(signal));
   }
   return signals;
 }
 
 void add_signals(const std::vector<ChannelSignal>& signals, std::int64_t step, double step_s,
-                 Eigen::VectorXd& values) {
-  for (const ChannelSignal& signal : signals) {
+                 Eigen::VectorXd& values, std::span<const double> walks) {
+  for (std::size_t i = 0; i < signals.size(); ++i) {
+    const ChannelSignal& signal = signals[i];
     if (!signal.window.contains(step, step_s)) continue;
-    values[signal.channel] += signal.waveform.value(step - signal.window.first(step_s), step_s);
+    values[signal.channel] += signal.waveform.value(step - signal.window.first(step_s), step_s,
+                                                    walks.empty() ? 0.0 : walks[i]);
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -20,13 +21,15 @@ struct ChannelSignal {
 
 /// The list below the key: {channel, window, waveform ...}; names: of the channels, whose kind
 /// (`what`, "the plant's attack channels") is told where a name is wrong. folder: of the scenario.
+/// may_walk: see Waveform.
 std::vector<ChannelSignal> read_channel_signals(ConfigurationMap& map, const char* key,
                                                 const char* what,
                                                 const std::vector<std::string>& names,
-                                                const std::string& folder);
+                                                const std::string& folder, bool may_walk = false);
 
-/// Adds the signals that act in a step of step_s each to the channels' values.
+/// Adds the signals that act in a step of step_s each to the channels' values. walks: one for each
+/// signal, see Waveform; may be left out, then every walk stands at its start.
 void add_signals(const std::vector<ChannelSignal>& signals, std::int64_t step, double step_s,
-                 Eigen::VectorXd& values);
+                 Eigen::VectorXd& values, std::span<const double> walks = {});
 
 }  // namespace holdfast

@@ -55,9 +55,10 @@ class LogWriter {
   explicit LogWriter(const std::string& file);
   /// Throws JobError when it cannot be written; flush() tells of what the memory still held.
   void write(const std::string& channel, std::int64_t utime, const std::vector<std::uint8_t>& data);
-  /// Encodes with the channel's next seq.
+  /// Encodes with the channel's next seq; each producer on a channel has its own.
   template <class Message>
-  void write_message(const std::string& channel, std::int64_t utime, Message& message);
+  void write_message(const std::string& channel, std::int64_t utime, Message& message,
+                     const std::string& producer = "");
   /// Hands everything to the kernel; throws JobError when the disk is full.
   void flush();
   /// Closes the file and gives it another name, replacing what stood there. Throws JobError.
@@ -74,8 +75,9 @@ class LogWriter {
 };
 
 template <class Message>
-void LogWriter::write_message(const std::string& channel, std::int64_t utime, Message& message) {
-  message.seq = next_seq_[channel]++;
+void LogWriter::write_message(const std::string& channel, std::int64_t utime, Message& message,
+                              const std::string& producer) {
+  message.seq = next_seq_[producer.empty() ? channel : channel + ' ' + producer]++;
   std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
   message.encode(bytes.data(), 0, static_cast<int>(bytes.size()));
   write(channel, utime, bytes);

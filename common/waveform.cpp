@@ -54,7 +54,7 @@ std::vector<double> read_samples(const std::string& file, std::string& trouble) 
 
 }  // namespace
 
-void Waveform::read(ConfigurationMap& map, const std::string& folder) {
+void Waveform::read(ConfigurationMap& map, const std::string& folder, bool may_walk) {
   map.read_choice("waveform", kind,
                   {{"constant", Kind::kConstant},
                    {"sine", Kind::kSine},
@@ -62,7 +62,11 @@ void Waveform::read(ConfigurationMap& map, const std::string& folder) {
                    {"square", Kind::kSquare},
                    {"sawtooth", Kind::kSawtooth},
                    {"ramp", Kind::kRamp},
-                   {"samples", Kind::kSamples}});
+                   {"samples", Kind::kSamples},
+                   {"random_walk", Kind::kRandomWalk}});
+  if (kind == Kind::kRandomWalk && !may_walk) {
+    map.problem("waveform", "a random walk is no signal that everyone can work out from the step");
+  }
   map.read("amplitude", amplitude);
   map.read("offset", offset);
   const bool is_periodic = kind == Kind::kSine || kind == Kind::kCosine || kind == Kind::kSquare ||
@@ -88,7 +92,7 @@ void Waveform::read(ConfigurationMap& map, const std::string& folder) {
   if (map.has("samples") && samples.empty()) map.problem("samples", "must hold a number");
 }
 
-double Waveform::value(std::int64_t step, double step_s) const {
+double Waveform::value(std::int64_t step, double step_s, double walk) const {
   const double time_s = static_cast<double>(step) * step_s;
   const double angle_rad = frequency_radps * time_s + phase_rad;
   double unit = 1.0;
@@ -109,6 +113,9 @@ double Waveform::value(std::int64_t step, double step_s) const {
       break;
     case Kind::kRamp:
       unit = time_s;
+      break;
+    case Kind::kRandomWalk:
+      unit = walk;
       break;
     case Kind::kSamples: {
       const auto index = static_cast<std::size_t>(step);

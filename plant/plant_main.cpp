@@ -14,14 +14,14 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
   LcmLink link(options.lcm_url);
   BusOptions bus_options;
   bus_options.may_write = true;
-  bus_options.owned_url = options.owned_bus;
+  bus_options.owned_urls = options.owned_buses;
   StatusReporter* reporter = nullptr;
   bus_options.on_event = [&reporter](const std::string& event) {
     if (reporter != nullptr) reporter->remark(event);
   };
   const std::unique_ptr<CanBus> bus =
       bus_url == "none" ? nullptr : open_can_bus(bus_url, bus_options);
-  PlantProcess plant(experiment, bus.get(), link);
+  PlantProcess plant(experiment, bus.get(), bus_url, link);
   reporter = &plant.status();
   reporter->set_state(ProcessState::kRunning);
 

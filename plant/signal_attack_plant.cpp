@@ -55,7 +55,7 @@ void SignalAttackPlantOptions::read(ConfigurationMap& map, const ModeSet& modes,
   map.read("start_step", start_step, {0.0, 1.0});
   map.read_shared("start_std", start_std, n, kNonNegative);
   signal_attacks = read_channel_signals(map, "signal_attacks", "the plant's attack channels",
-                                        model.attack_names, folder);
+                                        model.attack_names, folder, true);
   inputs =
       read_channel_signals(map, "inputs", "the plant's known inputs", model.input_names, folder);
   map.read("attack_gain", attack_gain);
@@ -84,7 +84,9 @@ SignalAttackPlant::SignalAttackPlant(ModeSet modes, SignalAttackPlantOptions opt
       start_(seed, run, "plant/start"),
       process_noise_(seed, run, "plant/process_noise"),
       measurement_noise_(seed, run, "plant/measurement_noise"),
+      attack_walk_(seed, run, "plant/attack_walk"),
       changes_(options_.mode_changes),
+      walks_(options_.signal_attacks.size(), 0.0),
       attack_(Eigen::VectorXd::Zero(model().num_attack_channels())),
       no_attack_(attack_),
       input_(Eigen::VectorXd::Zero(model().num_inputs())),
@@ -148,9 +150,21 @@ void SignalAttackPlant::set_mode() {
   topology_ = static_cast<std::size_t>(modes_.modes[mode_].topology);
 }
 
+void SignalAttackPlant::advance_walks() {
+  for (std::size_t i = 0; i < walks_.size(); ++i) {
+    const ChannelSignal& signal = options_.signal_attacks[i];
+    if (signal.waveform.kind != Waveform::Kind::kRandomWalk ||
+        step_.step <= signal.window.first(model().step_s)) {
+      continue;
+    }
+    walks_[i] += attack_walk_.normal(static_cast<std::uint32_t>(step_.step), i);
+  }
+}
+
 void SignalAttackPlant::set_attack() {
+  advance_walks();
   attack_.setZero();
-  add_signals(options_.signal_attacks, step_.step, model().step_s, attack_);
+  add_signals(options_.signal_attacks, step_.step, model().step_s, attack_, walks_);
   attack_ *= options_.attack_gain;
   const std::vector<int>& channels = modes_.modes[mode_].channels;
   for (int channel = 0; channel < static_cast<int>(attack_.size()); ++channel) {

@@ -25,7 +25,7 @@ struct SignalAttackPlantOptions {
   /// Keys start_state, start_step, start_std, signal_attacks, a list of {channel, window, waveform
   /// ...}, attack_gain, mode_changes, a list of {mode, from_step}, and inputs, as signal_attacks.
   void read(ConfigurationMap& map, const ModeSet& modes, const std::string& folder);
-  /// a of a step, as if every mode listed all channels.
+  /// a of a step, as if every mode listed all channels, and random walks stood at their start.
   Eigen::VectorXd attack(std::int64_t step, const SystemModel& model) const;
   /// u of a step.
   Eigen::VectorXd input(std::int64_t step, const SystemModel& model) const;
@@ -59,15 +59,17 @@ class SignalAttackPlant : public Plant {
   void move(std::uint32_t step);
   void set_mode();
   void set_attack();
+  void advance_walks();
   void measure(std::uint32_t step);
   const SystemModel& model() const { return modes_.topologies[topology_]; }
 
   ModeSet modes_;
   SignalAttackPlantOptions options_;
   std::vector<std::vector<int>> rows_;
-  RandomStream start_, process_noise_, measurement_noise_;
+  RandomStream start_, process_noise_, measurement_noise_, attack_walk_;
   std::vector<Eigen::MatrixXd> process_roots_, measurement_roots_;  // L with L L' = Q, R
   std::vector<ModeChange> changes_;  // those that are to come, by step
+  std::vector<double> walks_;        // of signal attacks that are random walks
   std::size_t mode_ = 0, topology_ = 0;
   Eigen::VectorXd attack_, no_attack_, input_, next_, normals_, noise_, reading_, clean_;
   PlantStep step_;

@@ -2,7 +2,8 @@
 
 namespace holdfast {
 
-BusInputs::BusInputs(const PlantSetup& plant, const FrameLayout& layout) : codec_(layout) {
+BusInputs::BusInputs(const PlantSetup& plant, const FrameLayout& layout, bool checks_counter)
+    : codec_(layout), checks_counter_(checks_counter) {
   const SystemSetup* system = plant.system();
   if (system == nullptr) return;
   const SystemModel& model = system->model();
@@ -19,7 +20,8 @@ BusInputs::BusInputs(const PlantSetup& plant, const FrameLayout& layout) : codec
   }
 }
 
-void BusInputs::add(const CanFrame& original, const CanFrame& forwarded, std::span<double> attack) {
+void BusInputs::add(std::int64_t step, const CanFrame& original, const CanFrame& forwarded,
+                    std::span<double> attack) {
   before_.clear();
   after_.clear();
   const FrameCodec::Decoded before = codec_.decode(original, before_);
@@ -28,6 +30,7 @@ void BusInputs::add(const CanFrame& original, const CanFrame& forwarded, std::sp
       before.packet.source != after.packet.source) {
     return;
   }
+  if (checks_counter_ && !codec_.counter_matches(after.packet.step_counter, step)) return;
   for (const Channel& it : channels_) {
     if (it.source != before.packet.source) continue;
     attack[static_cast<std::size_t>(it.channel)] +=

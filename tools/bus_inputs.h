@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -14,14 +15,16 @@ namespace holdfast {
 class BusInputs {
  public:
   /// Precondition: plant and layout were read without problems.
-  BusInputs(const PlantSetup& plant, const FrameLayout& layout);
+  /// checks_counter: a reading with another step's counter is refused by whoever reads it.
+  BusInputs(const PlantSetup& plant, const FrameLayout& layout, bool checks_counter);
 
   /// False when no channel is of that kind: nothing that happens to frames is an input.
   bool exists() const { return !channels_.empty(); }
   int num_channels() const { return num_channels_; }
   /// Adds what a rule made of a reading: of each of its values (forwarded - original) / H. A frame
-  /// that is no reading, and a value that is not finite, add nothing.
-  void add(const CanFrame& original, const CanFrame& forwarded, std::span<double> attack);
+  /// that is no reading of the step, and a value that is not finite, add nothing.
+  void add(std::int64_t step, const CanFrame& original, const CanFrame& forwarded,
+           std::span<double> attack);
 
  private:
   struct Channel {
@@ -32,6 +35,7 @@ class BusInputs {
   };
 
   FrameCodec codec_;
+  bool checks_counter_;
   int num_channels_ = 0;
   std::vector<Channel> channels_;
   std::vector<double> before_, after_;

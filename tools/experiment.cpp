@@ -92,7 +92,15 @@ void check_command_range(ConfigurationMap& network, const Experiment& experiment
                                    std::to_string(static_cast<std::int64_t>(largest)));
   };
   check(layout.mode_signal, static_cast<double>(layout.mode_names.size()) - 1.0);
-  check(layout.step_signal, static_cast<double>(experiment.num_steps));
+  std::int64_t last_step = experiment.num_steps;
+  for (const OperatorCommand& command : experiment.commands)
+    last_step = std::max(last_step, command.change.from_step);
+  for (const AttackRule& rule : experiment.rules) {
+    const bool forges = rule.is_on_way_back && rule.action == AttackRule::Action::kInject;
+    const std::int64_t last_sent = std::min(experiment.num_steps, rule.window.last_step);
+    if (forges) last_step = std::max(last_step, last_sent + rule.counter_offset);
+  }
+  check(layout.step_signal, static_cast<double>(last_step));
 }
 
 void read_network(ConfigurationMap map, const std::string& folder, Experiment& experiment) {
@@ -122,7 +130,6 @@ void read_network(ConfigurationMap map, const std::string& folder, Experiment& e
   experiment.assembler.closed_by_tick = close == "tick";
   experiment.plant.take_layout(experiment.layout, map);
   read_commands(map, experiment);
-  check_command_range(map, experiment);
 }
 
 void read_groups(ConfigurationMap& root, Experiment& experiment) {
@@ -209,6 +216,8 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
   experiment.assembler.num_steps = experiment.num_steps;
   experiment.assembler.step_s = experiment.step_s();
   experiment.rules = read_attack_rules(root, experiment.layout, folder);
+  ConfigurationMap network = root.map("network");
+  check_command_range(network, experiment);
   read_estimators(root, experiment);
   read_groups(root, experiment);
   ConfigurationMap campaign = root.map("campaign");

@@ -205,8 +205,8 @@ class Launcher {
 
   // Arguments of a member that may write to a bus.
   std::vector<std::string> owned(std::vector<std::string> arguments) const {
-    if (options_.owned_bus.empty()) return arguments;
-    arguments.insert(arguments.end(), {"--i-own-this-bus", options_.owned_bus});
+    for (const std::string& bus : options_.owned_buses)
+      arguments.insert(arguments.end(), {"--i-own-this-bus", bus});
     return arguments;
   }
 

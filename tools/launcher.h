@@ -11,7 +11,7 @@ struct LaunchOptions {
   std::string lcm_url;  // "": a free port of its own
   std::string runs_folder = "runs";
   std::string program_folder;  // where the other holdfast programs stand
-  std::string owned_bus;
+  std::vector<std::string> owned_buses;
   double ready_timeout_s = 30.0;  // until every process says that it is ready
   double stall_timeout_s = 20.0;  // without a new step; at least five periods
   bool shows_progress = false;    // a line that is written over; for terminals

@@ -42,7 +42,8 @@ class LogCollector {
   LogCollector(LogTrace& trace, const ScenarioFacts& facts)
       : trace_(trace), attack_truth_(facts.attack_truth) {
     if (facts.experiment != nullptr)
-      bus_inputs_.emplace(facts.experiment->plant, facts.experiment->layout);
+      bus_inputs_.emplace(facts.experiment->plant, facts.experiment->layout,
+                          facts.experiment->assembler.check_counter);
     for (const char* process : {"plant", "driver", "attacker"})
       known_channels_.insert(channel_name("STATUS_", process));
     for (const auto& [name, is_campaign_only] : facts.estimators) {
@@ -267,7 +268,7 @@ class LogCollector {
     }
     std::vector<double>& added = added_inputs_[message.step];
     added.resize(static_cast<std::size_t>(bus_inputs_->num_channels()));
-    bus_inputs_->add(original, forwarded, added);
+    bus_inputs_->add(message.step, original, forwarded, added);
   }
 
   void on_attack(const attack_frame_t& message, ChannelTrouble& trouble) {

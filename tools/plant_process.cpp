@@ -7,7 +7,8 @@
 
 namespace holdfast {
 
-PlantProcess::PlantProcess(const Experiment& experiment, CanBus* bus, LcmLink& link)
+PlantProcess::PlantProcess(const Experiment& experiment, CanBus* bus, const std::string& bus_url,
+                           LcmLink& link)
     : experiment_(experiment),
       bus_(bus),
       link_(link),
@@ -15,7 +16,7 @@ PlantProcess::PlantProcess(const Experiment& experiment, CanBus* bus, LcmLink& l
       plant_(experiment.make_plant(0)),
       codec_(experiment.layout),
       command_codec_(experiment.layout),
-      command_record_(link, "CAN_COMMAND", experiment.sensor_bus, experiment.step_s()),
+      command_record_(link, "CAN_COMMAND", bus_url, experiment.step_s()),
       assembler_(codec_, experiment.assembler),
       radio_(experiment.make_radio_channel(0)) {}
 

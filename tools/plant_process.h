@@ -6,6 +6,7 @@
 #include <holdfast/measurement_set_t.hpp>
 #include <holdfast/truth_t.hpp>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "common/status.h"
@@ -21,7 +22,8 @@ namespace holdfast {
 class PlantProcess {
  public:
   /// bus: null publishes MEASUREMENT directly, as an unattacked bus and driver would.
-  PlantProcess(const Experiment& experiment, CanBus* bus, LcmLink& link);
+  PlantProcess(const Experiment& experiment, CanBus* bus, const std::string& bus_url,
+               LcmLink& link);
 
   StatusReporter& status() { return status_; }
 

@@ -9,12 +9,18 @@
 
 namespace holdfast {
 
+inline void add_owned_buses(CLI::App& app, std::vector<std::string>& buses) {
+  app.add_option("--i-own-this-bus", buses,
+                 "URL of a bus that is no virtual one and that you may write to (repeatable)")
+      ->allow_extra_args(false);
+}
+
 /// Options that every live program has.
 struct ProgramOptions {
   std::string scenario;
   std::vector<std::string> overrides;
   std::string lcm_url;
-  std::string owned_bus;
+  std::vector<std::string> owned_buses;
 
   void add_scenario(CLI::App& app) {
     app.add_option("--scenario,scenario", scenario, "Scenario file (YAML)")->required();
@@ -24,10 +30,7 @@ struct ProgramOptions {
   void add_lcm(CLI::App& app) {
     app.add_option("--lcm-url", lcm_url, "LCM URL [$LCM_DEFAULT_URL, else udpm with ttl=0]");
   }
-  void add_owned_bus(CLI::App& app) {
-    app.add_option("--i-own-this-bus", owned_bus,
-                   "URL of a bus that is no virtual one and that you may write to");
-  }
+  void add_owned_bus(CLI::App& app) { add_owned_buses(app, owned_buses); }
   Experiment load() const { return load_experiment(scenario, overrides); }
 };
 

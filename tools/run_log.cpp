@@ -48,7 +48,7 @@ class RunLog {
     }
     for (const RuleSignal& signal : simulation.rule_signals()) {
       to_message(signal, experiment_.rules, experiment_.step_s(), signal_);
-      writer_.write_message("ATTACK_SIGNAL", utime, signal_);
+      writer_.write_message("ATTACK_SIGNAL", utime, signal_, "attacker");
     }
     write_records(simulation.attack_records());
     write_records(simulation.command_records());

@@ -24,8 +24,7 @@ int main(int argc, char** argv) {
   app.add_option("--stall-timeout", options.stall_timeout_s,
                  "Seconds without a new step that end the run; at least five periods [20]")
       ->check(CLI::Range(0.1, 1e6));
-  app.add_option("--i-own-this-bus", options.owned_bus,
-                 "URL of a bus that is no virtual one and that you may write to");
+  holdfast::add_owned_buses(app, options.owned_buses);
   return holdfast::run_command_line(app, "holdfast-run", argc, argv, [&] {
     options.program_folder = std::filesystem::read_symlink("/proc/self/exe").parent_path().string();
     options.shows_progress = isatty(STDOUT_FILENO) != 0;

@@ -16,7 +16,7 @@ Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
       assembler_(codec_, experiment.assembler),
       clean_assembler_(codec_, experiment.assembler),
       radio_(experiment.make_radio_channel(run)),
-      bus_inputs_(experiment.plant, experiment.layout) {
+      bus_inputs_(experiment.plant, experiment.layout, experiment.assembler.check_counter) {
   for (const EstimatorEntry& entry : experiment.estimators) {
     if (entry.is_outside()) continue;
     entries_.push_back(&entry);
@@ -67,8 +67,11 @@ void Simulation::pass_commands() {
       sent_.commands.push_back(frame);
     }
   }
+  command_outcomes_ = {};
   for (const CanFrame& frame : sent_.commands) {
-    if (const auto command = command_codec_.decode(frame)) plant_->obey(*command);
+    const std::optional<ModeChange> command = command_codec_.decode(frame);
+    const CommandOutcome outcome = command ? plant_->obey(*command) : CommandOutcome::kRefused;
+    ++command_outcomes_[static_cast<std::size_t>(outcome)];
   }
 }
 
@@ -79,7 +82,7 @@ void Simulation::collect_attack() {
   if (!bus_inputs_.exists()) return;
   for (const AttackRecord& record : sent_.records) {
     if (record.disposition == AttackRecord::Disposition::kAltered)
-      bus_inputs_.add(record.original, record.forwarded, true_attack_);
+      bus_inputs_.add(record.step, record.original, record.forwarded, true_attack_);
   }
 }
 

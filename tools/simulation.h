@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <vector>
@@ -49,6 +50,8 @@ class Simulation {
   const std::vector<RuleSignal>& rule_signals() const { return sent_.signals; }  // of this step
   const std::vector<CanFrame>& sent_frames() const { return sent_.frames; }      // of this step
   const std::vector<CanFrame>& commands() const { return sent_.commands; }       // of this step
+  /// What became of those, by CommandOutcome.
+  const std::array<std::int64_t, 3>& command_outcomes() const { return command_outcomes_; }
 
  private:
   void pass_bus(const std::vector<std::vector<double>>& readings, MeasurementAssembler& assembler,
@@ -75,6 +78,7 @@ class Simulation {
   MeasurementSet received_, clean_, authentic_;
   bool needs_clean_ = false, needs_authentic_ = false;
   ProxyOutput sent_;
+  std::array<std::int64_t, 3> command_outcomes_{};
   BusInputs bus_inputs_;
   std::vector<double> true_attack_;
   Eigen::VectorXd known_input_;

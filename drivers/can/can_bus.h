@@ -1,10 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "drivers/can/can_frame.h"
 
@@ -53,14 +55,18 @@ class CanBus {
 };
 
 struct BusOptions {
-  bool may_write = false;  // read-only unless asked
-  std::string owned_url;   // the URL that the user says to own; allows writing to real hardware
+  bool may_write = false;               // read-only unless asked
+  std::vector<std::string> owned_urls;  // that the user says to own: allows writing to hardware
   double write_timeout_s = 10.0;
   int receive_buffer_bytes = 8 << 20;
   bool wants_receive_times = true;  // the kernel's stamp on each frame
   bool wants_frames = true;  // false: for writing only; the kernel need not deliver others' frames
   /// Told what happens: "vcan0 is down", "vcan0 is up again", "bus-off". May be empty.
   std::function<void(const std::string&)> on_event;
+
+  bool owns(const std::string& url) const {
+    return std::find(owned_urls.begin(), owned_urls.end(), url) != owned_urls.end();
+  }
 };
 
 /// Opens socketcan:IFACE, udp:GROUP:PORT, candump:FILE (read), candump-write:FILE (writes a new
@@ -68,7 +74,7 @@ struct BusOptions {
 /// are made with make_loop_pair() or on a LoopMedium.
 ///
 /// Throws UsageError for a URL that is none of these, or for writing to what is neither vcan,
-/// vxcan, loop, a file, nor loopback UDP, unless options.owned_url equals the URL. Throws JobError
+/// vxcan, loop, a file, nor loopback UDP, unless options.owned_urls has the URL. Throws JobError
 /// when the bus cannot be opened.
 std::unique_ptr<CanBus> open_can_bus(const std::string& url, const BusOptions& options = {});
 

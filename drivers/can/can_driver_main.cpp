@@ -15,7 +15,7 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
   DriverProcess driver(experiment, link, bus_url);
   BusOptions bus_options;
   bus_options.may_write = !experiment.commands.empty();
-  bus_options.owned_url = options.owned_bus;
+  bus_options.owned_urls = options.owned_buses;
   bus_options.on_event = [&driver](const std::string& event) { driver.status().remark(event); };
   const std::unique_ptr<CanBus> bus = open_can_bus(bus_url, bus_options);
 

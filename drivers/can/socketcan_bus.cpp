@@ -162,7 +162,7 @@ void SocketCanBus::set_lingering(bool is_lingering) {
 }
 
 bool SocketCanBus::may_write_to_interface() const {
-  return options_.owned_url == "socketcan:" + name_ || is_virtual_can(name_);
+  return options_.owns("socketcan:" + name_) || is_virtual_can(name_);
 }
 
 void SocketCanBus::bind_to(int index) {

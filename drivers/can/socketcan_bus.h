@@ -36,7 +36,7 @@ std::string describe_error_frame(const CanFrame& frame);
 class SocketCanBus : public CanBus {
  public:
   /// Opens the interface. Throws JobError when the kernel has no CAN or no such interface,
-  /// UsageError for writing to hardware that options.owned_url does not name.
+  /// UsageError for writing to hardware that options.owned_urls does not name.
   SocketCanBus(const std::string& interface_name, const BusOptions& options);
 
   /// Takes an open socket that carries the kernel's frames as datagrams (a socketpair, in tests).

@@ -77,7 +77,7 @@ UdpBus::UdpBus(const std::string& url, const BusOptions& options)
       group_(parse_group(url)),
       received_(kUdpFrameBytesMax),
       sending_(kUdpFrameBytesMax) {
-  const bool is_owned = options_.owned_url == url;
+  const bool is_owned = options_.owns(url);
   check_group(url, group_, is_owned);
   ip_mreqn membership{};
   membership.imr_multiaddr = group_.sin_addr;

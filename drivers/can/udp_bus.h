@@ -17,7 +17,7 @@ std::string canonical_udp_url(const std::string& url);
 ///
 /// Stays on the loopback interface, both ways, whatever the routes say; other programs must use
 /// loopback too (`ip route add 224.0.0.0/4 dev lo` sends python-can there). Only for a URL that
-/// options.owned_url names, the routing table decides and one hop is allowed.
+/// options.owned_urls names, the routing table decides and one hop is allowed.
 ///
 /// Frames of one sender keep their order. Datagrams that are no frames are counted in `refused`.
 class UdpBus : public CanBus {

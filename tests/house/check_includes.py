@@ -70,6 +70,7 @@ def reached_headers(entry):
             arguments.append(argument)
     if os.path.basename(arguments[0]) == "ccache":
         del arguments[0]
+    arguments = [argument for argument in arguments if "/Unity/" not in argument]
     listing = subprocess.run(arguments + ["-w", "-M", entry["file"]], cwd=entry["directory"], check=True,
                              capture_output=True, text=True).stdout
     return listing.replace("\\\n", " ").split()[1:]
@@ -87,7 +88,15 @@ def entries_of(build):
                   if line.startswith("CMAKE_HOME_DIRECTORY"))
     entries = json.loads((build / "compile_commands.json").read_text(encoding="utf-8"))
     wanted = tuple(f"{source}/{folder}/" for folder in FOLDERS)
-    return [entry for entry in entries if entry["file"].startswith(wanted)]
+    return [single for entry in entries for single in singles_of(entry) if single["file"].startswith(wanted)]
+
+
+def singles_of(entry):
+    """The entry, or one for each of the sources that a unity build has joined in it."""
+    if "/Unity/" not in entry["file"]:
+        return [entry]
+    text = pathlib.Path(entry["directory"], entry["file"]).read_text(encoding="utf-8")
+    return [{**entry, "file": file} for file in re.findall(r'^#include "(/[^"]+)"$', text, re.MULTILINE)]
 
 
 def self_test():
@@ -102,6 +111,13 @@ def self_test():
             found = problems_of({"file": str(source), "directory": folder, "command":
                                  f"c++ -std=c++20 -Winvalid-pch -include cmake_pch.hxx -o source.o -c {source}"})
             assert len(found) == num_problems, (text, found)
+        joined = pathlib.Path(folder, "Unity", "unity_0_cxx.cxx")
+        joined.parent.mkdir()
+        joined.write_text(f'/* joined */\n\n#include "{source}"\n', encoding="utf-8")
+        singles = singles_of({"file": str(joined), "directory": folder, "command":
+                              f"c++ -std=c++20 -o joined.o -c {joined}"})
+        assert [single["file"] for single in singles] == [str(source)], singles
+        assert len(problems_of(singles[0])) == 1
 
 
 def main():

@@ -59,13 +59,15 @@ void score_packets(const Estimate& estimate, const std::vector<AttackRecord>& re
 // Counts of one run; a map by names would cost more than the scoring.
 struct RunCounters {
   std::int64_t sent = 0, received = 0;
-  std::array<std::int64_t, 3> by_disposition{};
+  std::array<std::int64_t, 3> by_disposition{}, by_command_outcome{};
 
   void add(const Simulation& simulation) {
     sent += static_cast<std::int64_t>(simulation.sent_frames().size());
     received += static_cast<std::int64_t>(simulation.measurements().packets.size());
     for (const AttackRecord& record : simulation.attack_records())
       ++by_disposition[static_cast<std::size_t>(record.disposition)];
+    for (std::size_t i = 0; i < by_command_outcome.size(); ++i)
+      by_command_outcome[i] += simulation.command_outcomes()[i];
   }
 
   std::map<std::string, std::int64_t> by_name() const {
@@ -75,6 +77,10 @@ struct RunCounters {
                                                     {"packets_received", received}};
     for (std::size_t i = 0; i < kNames.size(); ++i)
       if (by_disposition[i] > 0) counters[kNames[i]] = by_disposition[i];
+    constexpr std::array<const char*, 3> kOutcomes = {"commands_obeyed", "commands_late",
+                                                      "commands_refused"};
+    for (std::size_t i = 0; i < kOutcomes.size(); ++i)
+      if (by_command_outcome[i] > 0) counters[kOutcomes[i]] = by_command_outcome[i];
     return counters;
   }
 };

@@ -272,7 +272,7 @@ TEST_CASE("hardware is not written to without the user's word") {
   CHECK_THROWS_WITH(open_can_bus("socketcan:lo", writable()),
                     Contains("--i-own-this-bus socketcan:lo"));
   BusOptions owned = writable();
-  owned.owned_url = "socketcan:lo";
+  owned.owned_urls = {"socketcan:lo"};
   CHECK_THROWS_AS(open_can_bus("socketcan:lo", owned),
                   JobError);  // past the check: no CAN interface
   CHECK_THROWS_AS(open_can_bus("socketcan:vcan77", writable()), JobError);

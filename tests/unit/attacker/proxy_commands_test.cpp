@@ -114,6 +114,23 @@ TEST_CASE("a forged command: when its window says, for a step that lies ahead") 
   CHECK(by_time.commands() == Commands{{22, 1}});  // 0.5 s a step; 20 steps ahead by default
 }
 
+TEST_CASE("a command that is forged too late says so, and does not wrap") {
+  Bench bench("{name: r, " + kBreaker +
+              "action: inject, mode: open, window: {first_step: 2, last_step: 3}, lead_steps: -3}");
+  bench.steps(4);
+  CHECK(bench.commands() == Commands{{0, 2}, {0, 2}});
+}
+
+TEST_CASE("an injection that forges nothing has not acted") {
+  Bench bench("{name: r, " + kBreaker +
+              "action: inject, mode: open, times: 5, count: {distribution: poisson, mean: 0.1}}");
+  bench.steps(400);
+  std::set<std::int64_t> steps;
+  for (const AttackRecord& record : bench.out().command_records) steps.insert(record.step);
+  CHECK(steps.size() == 5);
+  CHECK(*steps.rbegin() > 5);
+}
+
 TEST_CASE("a forged command when the plant's state is seen to be high, once") {
   const std::string arm =
       "{name: high, match: {messages: [Level], signal: LEVEL, at_least: 2}, action: arm}, ";
@@ -209,5 +226,13 @@ TEST_CASE("rules for commands that can do nothing are refused, with a reason") {
   CHECK(breaker_problems("{name: a, match: {messages: [Level]}, action: arm}, {name: r, " +
                          kBreaker + "action: drop, given: a}")
             .find("acts on frames that go the other way") != std::string::npos);
+  says(
+      kBreaker + "action: inject, signal: MODE, value: {distribution: replay, delay_steps: [1, 2]}",
+      "commands are no readings");
+  for (const std::string action : {"add", "scale"})
+    says(kBreaker + "action: " + action + ", mode: open", "mode: unknown key");
+  CHECK(breaker_problems("{name: a, " + kBreaker + "action: drop}, {name: r, " + kBreaker +
+                         "action: inject, mode: open, given: a}")
+            .find("in which step they come by is chance") != std::string::npos);
   CHECK(breaker_problems("{name: r, " + kBreaker + "action: inject, mode: open}") == "");
 }

@@ -1,5 +1,7 @@
 #include "plant/signal_attack_plant.h"
 
+#include <cmath>
+
 #include "tests/support/catch.h"
 
 namespace holdfast {
@@ -54,6 +56,42 @@ TEST_CASE("without noise the plant is its model, and the attack acts in its wind
     CHECK(step.clean_readings[1][0] == Approx(x[0] + x[1]));
     x = model.A * x + model.G * a;
   }
+}
+
+TEST_CASE("a random walk starts at its offset and adds independent normal numbers") {
+  const SystemModel model = two_state_model(0.0);
+  const SignalAttackPlantOptions options = options_of(
+      "{signal_attacks: [{channel: a, waveform: random_walk, amplitude: 0.5, offset: 2, "
+      "window: {first_step: 11}}]}",
+      model);
+  const int num_runs = 400, num_steps = 60;
+  double sum = 0.0, squares = 0.0, products = 0.0;
+  for (int run = 0; run < num_runs; ++run) {
+    SignalAttackPlant plant(ModeSet::single(model), options, {{0, 1, 2}}, 1,
+                            static_cast<std::uint32_t>(run));
+    double before = 0.0, added_before = 0.0;
+    for (int k = 1; k <= num_steps; ++k) {
+      const double value = plant.advance().attack_signals[0].value[0];
+      if (k <= 10) REQUIRE(value == 0.0);
+      if (k == 11) REQUIRE(value == 2.0);
+      if (k > 11) {
+        const double added = (value - before) / 0.5;
+        sum += added;
+        squares += added * added;
+        products += added * added_before;
+        added_before = added;
+      }
+      before = value;
+    }
+  }
+  // 400 x 49 draws: mean, variance and correlation within 4 standard errors.
+  const double n = num_runs * (num_steps - 11.0);
+  CHECK(std::abs(sum / n) < 4.0 / std::sqrt(n));
+  CHECK(std::abs(squares / n - 1.0) < 4.0 * std::sqrt(2.0 / n));
+  CHECK(std::abs(products / n) < 4.0 / std::sqrt(n));
+  // Everyone works known inputs out from the step, so none of them can walk.
+  CHECK_THROWS_AS(options_of("{inputs: [{channel: u, waveform: random_walk}]}", model),
+                  ConfigurationError);
 }
 
 TEST_CASE("a waveform begins with the first step of its window, in steps or in seconds") {

@@ -97,6 +97,26 @@ TEST_CASE("what a scenario says about commands is checked against the plant") {
   };
   says("network.commands=[{after_step: 3, mode: '011'}]", "none of the plant's modes: 111, 010");
   says("network.commands=[{mode: '111'}]", "after_step: missing");
+  // What the step signal cannot hold would wrap, and act at another step.
+  const auto narrow_problems = [](const std::string& override) {
+    std::string text =
+        load_experiment(testing::scenario("three_area"), {"steps=60", "attacks=[]", override})
+            .resolved;
+    const std::string wide = "SG_ STEP : 8|32@1+";
+    text.replace(text.find(wide), wide.size(), "SG_ STEP : 8|6@1+");
+    try {
+      experiment_from_text(text, "narrow");
+    } catch (const UsageError& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  CHECK(narrow_problems("network.commands=[{after_step: 43, mode: '111', lead_steps: 20}]") == "");
+  CHECK(narrow_problems("network.commands=[{after_step: 44, mode: '111', lead_steps: 20}]")
+            .find("6 bits, too few for 64") != std::string::npos);
+  CHECK(narrow_problems("attacks=[{name: r, match: {messages: [BreakerCommand]}, action: inject, "
+                        "mode: '111', window: {last_step: 54}, lead_steps: 10}]")
+            .find("too few for 64") != std::string::npos);
   says("attacks.0.mode=011", "none of the plant's modes");
   says("network.dbc_text=x", "not both");
   says("steps=5000000000", "steps");
