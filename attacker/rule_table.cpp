@@ -7,7 +7,7 @@
 namespace holdfast {
 namespace {
 
-constexpr std::uint32_t kNumStandard = 1U << 11;
+constexpr std::uint32_t kNumStandardIdentifiers = 1U << 11;
 
 bool needs_signal(const AttackRule& rule) {
   return !rule.signals.empty() || !rule.match.signal.empty();
@@ -31,7 +31,7 @@ std::optional<DbcSignal> copy_of(const DbcSignal* signal) {
 }  // namespace
 
 RuleTable::RuleTable(const std::vector<AttackRule>& rules, const FrameLayout& layout) {
-  Lists standard(kNumStandard);
+  Lists standard(kNumStandardIdentifiers);
   enter_named_extended(rules, layout.dbc);
   for (std::uint32_t index = 0; index < rules.size(); ++index) {
     const AttackRule& rule = rules[index];
@@ -44,7 +44,7 @@ RuleTable::RuleTable(const std::vector<AttackRule>& rules, const FrameLayout& la
       enter_by_message(index, rule, message, standard);
     }
   }
-  offset_.reserve(kNumStandard + 1);
+  offset_.reserve(kNumStandardIdentifiers + 1);
   for (const auto& list : standard) {
     offset_.push_back(static_cast<std::uint32_t>(candidates_.size()));
     candidates_.insert(candidates_.end(), list.begin(), list.end());
@@ -65,7 +65,7 @@ void RuleTable::enter_named_extended(const std::vector<AttackRule>& rules, const
 
 void RuleTable::enter_by_identifier(std::uint32_t index, const AttackRule& rule, Lists& standard) {
   const AttackMatch& match = rule.match;
-  for (std::uint32_t identifier = 0; identifier < kNumStandard; ++identifier) {
+  for (std::uint32_t identifier = 0; identifier < kNumStandardIdentifiers; ++identifier) {
     if (match.matches_identifier(identifier, false))
       standard[identifier].push_back({index, -1, 0, 0});
   }
@@ -145,7 +145,7 @@ void RuleTable::remember(std::int64_t step, const CanFrame& frame) {
 
 std::span<const RuleCandidate> RuleTable::to_monitor(const CanFrame& frame) const {
   if (!frame.has(CanFrame::kExtended)) {
-    const std::uint32_t identifier = frame.identifier % kNumStandard;
+    const std::uint32_t identifier = frame.identifier % kNumStandardIdentifiers;
     return {candidates_.data() + offset_[identifier],
             offset_[identifier + 1] - offset_[identifier]};
   }

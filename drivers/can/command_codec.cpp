@@ -1,25 +1,11 @@
 #include "drivers/can/command_codec.h"
 
-#include "common/errors.h"
-
 namespace holdfast {
-namespace {
-
-const DbcSignal& needed(const DbcMessage& message, const std::string& name) {
-  const DbcSignal* signal = message.find(name);
-  if (signal == nullptr) throw UsageError("message " + message.name + " has no signal " + name);
-  return *signal;
-}
-
-}  // namespace
-
 CommandCodec::CommandCodec(const FrameLayout& layout) {
   if (!layout.command.exists()) return;
-  const DbcMessage* message = layout.dbc.find(layout.command.message);
-  if (message == nullptr) throw UsageError("the DBC has no message " + layout.command.message);
-  message_ = *message;
-  mode_ = needed(*message, layout.command.mode_signal);
-  step_ = needed(*message, layout.command.step_signal);
+  message_ = require_message(layout.dbc, layout.command.message);
+  mode_ = require_signal(*message_, layout.command.mode_signal);
+  step_ = require_signal(*message_, layout.command.step_signal);
 }
 
 bool CommandCodec::has_identifier(const CanFrame& frame) const {

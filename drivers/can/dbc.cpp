@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 
+#include "common/errors.h"
 #include "drivers/can/dbc_reader.h"
 
 namespace holdfast {
@@ -205,6 +206,18 @@ bool DbcReader::read_signal_layout(DbcSignal& signal) {
 
 Dbc parse_dbc(const std::string& text) {
   return DbcReader(text).read();
+}
+
+const DbcMessage& require_message(const Dbc& dbc, const std::string& name) {
+  const DbcMessage* message = dbc.find(name);
+  if (message == nullptr) throw UsageError("the DBC has no message " + name);
+  return *message;
+}
+
+const DbcSignal& require_signal(const DbcMessage& message, const std::string& name) {
+  const DbcSignal* signal = message.find(name);
+  if (signal == nullptr) throw UsageError("message " + message.name + " has no signal " + name);
+  return *signal;
 }
 
 }  // namespace holdfast

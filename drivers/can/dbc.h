@@ -80,6 +80,10 @@ struct Dbc {
   const DbcMessage* find(std::uint32_t identifier, bool is_extended) const;
 };
 
+/// The same, but throw UsageError, which names what is missing.
+const DbcMessage& require_message(const Dbc& dbc, const std::string& name);
+const DbcSignal& require_signal(const DbcMessage& message, const std::string& name);
+
 /// Reads DBC text; never throws for its content: what is not understood is listed in problems, in
 /// order of lines (from 1) and columns (bytes, from 1; a byte order mark does not count).
 ///

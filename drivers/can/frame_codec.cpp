@@ -16,19 +16,6 @@ std::uint64_t mask_of(const DbcSignal& signal) {
   return ~std::uint64_t{0} >> (64 - signal.num_bits);
 }
 
-// The layout was checked when it was read; a layout made by hand fails here, not later.
-const DbcSignal& needed(const DbcMessage& message, const std::string& name) {
-  const DbcSignal* signal = message.find(name);
-  if (signal == nullptr) throw UsageError("message " + message.name + " has no signal " + name);
-  return *signal;
-}
-
-const DbcMessage& needed(const Dbc& dbc, const std::string& name) {
-  const DbcMessage* message = dbc.find(name);
-  if (message == nullptr) throw UsageError("the DBC has no message " + name);
-  return *message;
-}
-
 // A selector value that selects all these signals; none when there is no such value.
 std::optional<std::int64_t> common_selector_value(const std::vector<DbcSignal>& signals) {
   std::vector<std::int64_t> candidates;  // a common value, if any, is the start of some range
@@ -51,10 +38,11 @@ std::optional<std::int64_t> common_selector_value(const std::vector<DbcSignal>& 
 FrameCodec::Entry FrameCodec::make_entry(const FrameLayout& layout,
                                          const std::string& message_name) {
   Entry entry;
-  entry.message = needed(layout.dbc, message_name);
+  entry.message = require_message(layout.dbc, message_name);
   for (const std::string& name : layout.signals)
-    entry.values.push_back(needed(entry.message, name));
-  if (!layout.counter_signal.empty()) entry.counter = needed(entry.message, layout.counter_signal);
+    entry.values.push_back(require_signal(entry.message, name));
+  if (!layout.counter_signal.empty())
+    entry.counter = require_signal(entry.message, layout.counter_signal);
   const auto note = [&](const DbcSignal& signal) {
     if (signal.multiplexing != DbcSignal::Multiplexing::kMultiplexed) return;
     entry.needs_selector.push_back(signal);
@@ -74,8 +62,8 @@ FrameCodec::Entry FrameCodec::make_entry(const FrameLayout& layout,
 
 FrameCodec::FrameCodec(const FrameLayout& layout)
     : entry_of_standard_(kStandardIdentifiers, kNoEntry),
-      tick_(needed(layout.dbc, layout.tick_message)),
-      tick_step_(needed(tick_, layout.tick_signal)),
+      tick_(require_message(layout.dbc, layout.tick_message)),
+      tick_step_(require_signal(tick_, layout.tick_signal)),
       tick_mask_(mask_of(tick_step_)) {
   const auto enter = [&](const DbcMessage& message, std::int32_t entry) {
     if (message.is_extended) {
