@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <set>
 
+#include "drivers/can/hex_bytes.h"
+
 namespace holdfast {
 namespace {
 
@@ -95,6 +97,29 @@ void read_identifier(ConfigurationMap& map, AttackMatch& match, const FrameLayou
   }
 }
 
+void read_payload(ConfigurationMap map, PayloadMatch& payload) {
+  const auto read_bytes = [&map](const char* key, std::vector<std::uint8_t>& bytes) {
+    std::string text;
+    map.read(key, text);
+    const auto parsed = parse_hex_bytes(text);
+    if (parsed && parsed->size() <= CanFrame::kBytesMax) {
+      bytes = *parsed;
+    } else if (map.has(key)) {
+      map.problem(key, "'" + text + "' must be 1 to 64 bytes as pairs of hexadecimal digits");
+    }
+  };
+  map.require("value");
+  map.read("at", payload.at, {0.0, CanFrame::kBytesMax - 1.0});
+  read_bytes("value", payload.value);
+  payload.mask.assign(payload.value.size(), 0xFF);
+  if (!map.has("mask")) return;
+  read_bytes("mask", payload.mask);
+  if (payload.mask.size() != payload.value.size()) {
+    map.problem("mask", "must have as many bytes as value");
+    payload.mask.resize(payload.value.size(), 0xFF);
+  }
+}
+
 }  // namespace
 
 bool AttackMatch::matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const {
@@ -105,6 +130,24 @@ bool AttackMatch::matches_identifier(std::uint32_t frame_identifier, bool frame_
   }
   if (!identifier) return true;
   return frame_is_extended == is_extended && ((frame_identifier ^ *identifier) & mask) == 0;
+}
+
+bool PayloadMatch::matches(const CanFrame& frame) const {
+  const auto first = static_cast<std::size_t>(at);
+  if (first + value.size() > frame.num_bytes) return false;
+  for (std::size_t i = 0; i < value.size(); ++i) {
+    if (((frame.data[first + i] ^ value[i]) & mask[i]) != 0) return false;
+  }
+  return true;
+}
+
+bool AttackMatch::matches_content(const CanFrame& frame) const {
+  const bool is_remote = frame.has(CanFrame::kRemote), is_fd = frame.has(CanFrame::kFd);
+  if ((type == Type::kData && is_remote) || (type == Type::kRemote && !is_remote) ||
+      (type == Type::kClassic && is_fd) || (type == Type::kFd && !is_fd)) {
+    return false;
+  }
+  return payload.value.empty() || (!is_remote && payload.matches(frame));
 }
 
 bool selects(const AttackMatch& match, const DbcMessage& message) {
@@ -122,6 +165,13 @@ Messages read_match(ConfigurationMap map, AttackMatch& match, const FrameLayout&
   read_message_names(map, match, layout);
   read_nodes(map, match, layout);
   read_identifier(map, match, layout);
+  map.read_choice("type", match.type,
+                  {{"any", AttackMatch::Type::kAny},
+                   {"data", AttackMatch::Type::kData},
+                   {"remote", AttackMatch::Type::kRemote},
+                   {"classic", AttackMatch::Type::kClassic},
+                   {"fd", AttackMatch::Type::kFd}});
+  if (map.has("payload")) read_payload(map.map("payload"), match.payload);
   const Messages selected = selected_messages(match, layout);
   const bool has_bound = map.has("at_least") || map.has("at_most");
   if (map.has("signal") || has_bound) {

@@ -17,6 +17,15 @@ constexpr std::uint32_t frame_key(std::uint32_t identifier, bool is_extended) {
   return identifier | (is_extended ? 1U << 29 : 0U);
 }
 
+/// Bytes of a payload that a rule compares: (data[at + i] ^ value[i]) & mask[i] == 0 for all i.
+struct PayloadMatch {
+  int at = 0;                             // 0..63
+  std::vector<std::uint8_t> value, mask;  // of one size
+
+  /// False for a frame that is too short to hold them.
+  bool matches(const CanFrame& frame) const;
+};
+
 /// Which frames a rule acts on; what is left out restricts nothing. The tick never matches.
 struct AttackMatch {
   std::vector<std::string> nodes;           // senders in the DBC file; narrows `messages`
@@ -25,13 +34,18 @@ struct AttackMatch {
   std::optional<std::uint32_t> identifier;  // (identifier ^ frame's) & mask == 0
   std::uint32_t mask = 0;
   bool is_extended = false;  // width that `identifier` speaks of
-  std::string signal;        // "" when no comparison is asked
+  enum class Type { kAny, kData, kRemote, kClassic, kFd };
+  Type type = Type::kAny;
+  PayloadMatch payload;  // empty when no comparison is asked
+  std::string signal;    // "" when no comparison is asked
   double at_least = -std::numeric_limits<double>::infinity();
   double at_most = std::numeric_limits<double>::infinity();
 
   /// True when names, identifier and mask let this identifier through; signals and the tick are
   /// looked at by ProxyCore.
   bool matches_identifier(std::uint32_t frame_identifier, bool frame_is_extended) const;
+  /// True when the frame is of the asked type and its payload compares equal.
+  bool matches_content(const CanFrame& frame) const;
 };
 
 /// True when the rule, by name or identifier, speaks of this message; signals are not looked at.

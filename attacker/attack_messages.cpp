@@ -18,6 +18,8 @@ void to_message(const AttackRecord& record, std::span<const AttackRule> rules, d
   message.rule = rule.name;
   message.action = to_string(rule.action);
   message.actions = static_cast<std::int32_t>(record.actions);
+  message.attack_class = rule.attack_class;
+  message.saturated = record.is_saturated ? 1 : 0;
   message.rx_index = record.rx_index;
   message.tx_index = record.tx_index;
   message.draw_index = record.draw_index;
@@ -41,7 +43,7 @@ void to_message(const RuleSignal& signal, std::span<const AttackRule> rules, dou
 bool from_message(const attack_frame_t& message, std::span<const AttackRule> rules,
                   AttackRecord& record) {
   if (message.disposition < attack_frame_t::ALTERED ||
-      message.disposition > attack_frame_t::INJECTED)
+      message.disposition > attack_frame_t::DUPLICATED)
     return false;
   if (message.direction != attack_frame_t::TO_MONITOR &&
       message.direction != attack_frame_t::TO_PLANT)
@@ -52,6 +54,7 @@ bool from_message(const attack_frame_t& message, std::span<const AttackRule> rul
   record.disposition = static_cast<AttackRecord::Disposition>(message.disposition);
   record.direction = static_cast<AttackRecord::Direction>(message.direction);
   record.actions = static_cast<std::uint32_t>(message.actions);
+  record.is_saturated = message.saturated != 0;
   record.step = message.step;
   record.rx_index = message.rx_index;
   record.tx_index = message.tx_index;

@@ -1,232 +1,33 @@
 #include "attacker/attack_rule.h"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 
+#include "attacker/attack_action.h"
 #include "common/name_list.h"
 
 namespace holdfast {
 namespace {
 
-constexpr Interval kFinite{std::numeric_limits<double>::lowest(),
-                           std::numeric_limits<double>::max()};
-// From a forged command to the step at which it acts: the plant has to have it by then.
-constexpr std::int64_t kLeadSteps = 20;
-constexpr Interval kFiniteNonNegative{0.0, std::numeric_limits<double>::max()};
-
 using Messages = std::vector<const DbcMessage*>;
 
-// Numbers of a distribution, one per signal; a single number in the file stands for all of them.
-std::vector<double> read_numbers(ConfigurationMap& map, const char* key, std::size_t count,
-                                 double fallback, Interval allowed) {
-  std::vector<double> numbers(count, fallback);
-  map.read_shared(key, numbers, count, allowed);
-  numbers.resize(count, fallback);
-  return numbers;
-}
+struct ActionName {
+  AttackRule::Action action;
+  const char* name;
+  const char* attack_class;  // what the truth calls it, unless the rule says something else
+};
 
-void read_replay(ConfigurationMap& map, ReplayDelay& replay) {
-  map.require("delay_steps");
-  std::vector<double> range = {1.0, 1.0};
-  map.read("delay_steps", range, 2, {1.0, static_cast<double>(ReplayDelay::kMax)});
-  if (range.size() != 2) return;
-  if (range[0] > range[1] || range[0] != std::floor(range[0]) || range[1] != std::floor(range[1])) {
-    map.problem("delay_steps", "must be [low, high], whole numbers of steps");
-  }
-  replay.low = static_cast<int>(range[0]);
-  replay.high = static_cast<int>(range[1]);
-}
-
-// A replay takes all signals of one frame as they were: it has no number to share or to add.
-void check_replay(ConfigurationMap& map, const AttackRule& rule) {
-  using Action = AttackRule::Action;
-  if (rule.action == Action::kAdd || rule.action == Action::kScale) {
-    map.problem("distribution",
-                std::string("a replay writes earlier values and cannot be used by ") +
-                    to_string(rule.action) + "; use substitute");
-  }
-  if (rule.value_draw != AttackRule::ValueDraw::kSignal) {
-    map.problem("draw", "a replay draws one delay for each frame already; leave draw out");
-  }
-}
-
-// What each signal makes of the number of the step; all share it, so that there is nothing to draw.
-void read_gains(ConfigurationMap& map, AttackRule& rule) {
-  const std::vector<double> gains = read_numbers(map, "gain", rule.values.size(), 1.0, kFinite);
-  for (std::size_t i = 0; i < rule.values.size(); ++i) {
-    rule.values[i].value = gains[i];
-    if (rule.values[i].std != rule.values[0].std)
-      map.problem("std", "one walk has one std; use gain");
-  }
-  if (rule.value_draw != AttackRule::ValueDraw::kSignal) {
-    map.problem("draw", "signals share one number for each step already; leave draw out");
-  }
-}
-
-void read_values(ConfigurationMap& rule_map, const std::string& folder, AttackRule& rule) {
-  using Kind = ValueDistribution::Kind;
-  const bool is_default = rule.action == AttackRule::Action::kForce && !rule_map.has("value");
-  if (!is_default) rule_map.require("value");
-  ConfigurationMap map = rule_map.map("value");
-  Kind kind = Kind::kConstant;
-  map.read_choice("distribution", kind,
-                  {{"constant", Kind::kConstant},
-                   {"uniform", Kind::kUniform},
-                   {"normal", Kind::kNormal},
-                   {"bernoulli", Kind::kBernoulli},
-                   {"replay", Kind::kReplay},
-                   {"waveform", Kind::kWaveform},
-                   {"random_walk", Kind::kRandomWalk}});
-  map.read_choice("draw", rule.value_draw,
-                  {{"signal", AttackRule::ValueDraw::kSignal},
-                   {"frame", AttackRule::ValueDraw::kFrame},
-                   {"step", AttackRule::ValueDraw::kStep}});
-  const std::size_t count = rule.signals.size();
-  rule.values.assign(count, {kind});
-  if ((!is_default && !rule_map.has("value")) || count == 0) return;
-  const auto fill = [&](const char* key, double ValueDistribution::*field, Interval allowed) {
-    if (!is_default) map.require(key);
-    const std::vector<double> numbers =
-        read_numbers(map, key, count, ValueDistribution().*field, allowed);
-    for (std::size_t i = 0; i < count; ++i) rule.values[i].*field = numbers[i];
-  };
-  switch (kind) {
-    case Kind::kConstant:
-      fill("value", &ValueDistribution::value, kAnyNumber);
-      break;
-    case Kind::kUniform:
-      fill("low", &ValueDistribution::low, kFinite);
-      fill("high", &ValueDistribution::high, kFinite);
-      for (const ValueDistribution& value : rule.values) {
-        if (value.low > value.high) return map.problem("high", "lies below low");
-      }
-      break;
-    case Kind::kNormal:
-      fill("mean", &ValueDistribution::mean, kFinite);
-      fill("std", &ValueDistribution::std, kFiniteNonNegative);
-      break;
-    case Kind::kBernoulli:
-      fill("probability", &ValueDistribution::probability, kProbability);
-      break;
-    case Kind::kReplay:
-      check_replay(map, rule);
-      read_replay(map, rule.replay);
-      break;
-    case Kind::kWaveform:
-      rule.waveform.read(map, folder);
-      read_gains(map, rule);
-      break;
-    case Kind::kRandomWalk:
-      fill("std", &ValueDistribution::std, kFiniteNonNegative);
-      read_gains(map, rule);
-      break;
-  }
-}
-
-void read_count(ConfigurationMap map, CountDistribution& count) {
-  using Kind = CountDistribution::Kind;
-  map.read_choice("distribution", count.kind,
-                  {{"constant", Kind::kConstant}, {"poisson", Kind::kPoisson}});
-  map.read("mean", count.mean, {0.0, CountDistribution::kMax});
-  if (count.kind == Kind::kConstant && count.mean != std::floor(count.mean)) {
-    map.problem("mean", "a constant count must be a whole number");
-  }
-}
-
-void read_flip(ConfigurationMap& map, AttackRule& rule, const Messages& selected) {
-  const bool has_signal = map.has("signal");
-  if (has_signal == map.has("bit")) {
-    map.problem("action", "flip needs either signal or bit");
-  }
-  if (has_signal) {
-    rule.signals.resize(1);
-    map.read("signal", rule.signals[0]);
-    check_signal(map, "signal", rule.signals[0], rule.match, selected);
-  }
-  if (!map.has("bit")) return;
-  map.read("bit", rule.bit, {0.0, 8.0 * CanFrame::kBytesMax - 1.0});
-  if (rule.match.messages.empty()) return;
-  for (const DbcMessage* message : selected) {
-    if (rule.bit >= 8 * message->num_bytes) {
-      map.problem("bit", "message '" + message->name + "' has " +
-                             std::to_string(8 * message->num_bytes) + " bits only");
-    }
-  }
-}
-
-// A command's mode by its name, in place of signal and value.
-void read_mode(ConfigurationMap& map, const CommandLayout& command, AttackRule& rule) {
-  std::string mode;
-  map.read("mode", mode);
-  const int index = command.find(mode);
-  if (index < 0) {
-    map.problem("mode",
-                "'" + mode + "' is none of the plant's modes: " + name_list(command.mode_names));
-  }
-  for (const char* key : {"signal", "signals", "value"}) {
-    if (!map.has(key)) continue;
-    map.problem(key, "is the command's mode already: give mode or " + std::string(key));
-    map.raw(key);
-  }
-  rule.signals = {command.mode_signal};
-  rule.values.assign(1, {});
-  rule.values.front().value = index;
-}
-
-void read_signals_and_values(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
-                             const FrameLayout& layout, const Messages& selected) {
-  const bool writes =
-      rule.action != AttackRule::Action::kAdd && rule.action != AttackRule::Action::kScale;
-  if (rule.is_on_way_back && writes && map.has("mode")) return read_mode(map, layout.command, rule);
-  if (map.has("signals")) {
-    map.read("signals", rule.signals);
-    if (map.has("signal")) {
-      std::string unused;
-      map.read("signal", unused);
-      map.problem("signal", "is one of signals: give either");
-    }
-    if (rule.signals.empty()) map.problem("signals", "must name a signal");
-    if (rule.signals.size() > AttackRule::kSignalsMax) {
-      map.problem("signals", "at most " + std::to_string(AttackRule::kSignalsMax));
-    }
-    if (std::set<std::string>(rule.signals.begin(), rule.signals.end()).size() !=
-        rule.signals.size()) {
-      map.problem("signals", "must name each signal once");
-    }
-  } else {
-    rule.signals.resize(1);
-    map.require("signal");
-    map.read("signal", rule.signals[0]);
-  }
-  const char* key = map.has("signals") ? "signals" : "signal";
-  if (map.has(key)) {
-    for (const std::string& signal : rule.signals)
-      check_signal(map, key, signal, rule.match, selected);
-  }
-  read_values(map, folder, rule);
-}
-
-void read_inject(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
-                 const FrameLayout& layout, const Messages& selected) {
-  read_signals_and_values(map, folder, rule, layout, selected);
-  read_count(map.map("count"), rule.count);
-  if (rule.is_on_way_back) {
-    rule.counter_signal = layout.command.step_signal;
-    rule.counter_offset = kLeadSteps;
-    map.read("lead_steps", rule.counter_offset, {-1e9, 1e9});
-    return;
-  }
-  rule.counter_signal = layout.counter_signal;
-  const bool is_own_counter = map.has("counter_signal");
-  map.read("counter_signal", rule.counter_signal);
-  if (is_own_counter && !rule.counter_signal.empty()) {
-    check_signal(map, "counter_signal", rule.counter_signal, rule.match, selected);
-  }
-  map.read("counter_offset", rule.counter_offset, {-9.0e15, 9.0e15});
-  if (selected.empty())
-    map.problem("match", "an injection needs a message of the DBC file to forge");
-}
+constexpr ActionName kActions[] = {{AttackRule::Action::kDrop, "drop", "suspension"},
+                                   {AttackRule::Action::kFlip, "flip", "alteration"},
+                                   {AttackRule::Action::kSubstitute, "substitute", "alteration"},
+                                   {AttackRule::Action::kInject, "inject", "fabrication"},
+                                   {AttackRule::Action::kForce, "force", "alteration"},
+                                   {AttackRule::Action::kAdd, "add", "alteration"},
+                                   {AttackRule::Action::kScale, "scale", "alteration"},
+                                   {AttackRule::Action::kArm, "arm", ""},
+                                   {AttackRule::Action::kBits, "bits", "alteration"},
+                                   {AttackRule::Action::kFreeze, "freeze", "replay"},
+                                   {AttackRule::Action::kDuplicate, "duplicate", "replay"}};
 
 // A condition speaks of a frame that passes both rules; a forged one meets no rule.
 bool can_be_named(const AttackRule& rule) {
@@ -306,6 +107,57 @@ void check_way_back(ConfigurationMap& map, const AttackRule& rule) {
   if (replays(rule) || (is_over_time(rule) && rule.action != AttackRule::Action::kInject)) {
     map.problem("value", "commands are no readings: no waveform, walk or replay");
   }
+  if (rule.action == AttackRule::Action::kFreeze)
+    map.problem("action", "commands are no readings: none of them can stay as it was");
+  if (rule.chain && rule.action != AttackRule::Action::kInject)
+    map.problem("chain", "goes by the attacker's steps, and commands belong to those they name");
+}
+
+void read_action_name(ConfigurationMap& map, AttackRule::Action& action) {
+  std::string name = to_string(action);
+  map.read("action", name);
+  std::vector<std::string> names;
+  for (const ActionName& it : kActions) {
+    names.emplace_back(it.name);
+    if (name == it.name) action = it.action;
+  }
+  if (name != to_string(action))
+    map.problem("action", "'" + name + "' is none of: " + name_list(names));
+}
+
+// On which of the frames that it might act on: each n-th, with one probability or in bursts.
+void read_frequency(ConfigurationMap& map, AttackRule& rule) {
+  map.read("every", rule.every, {1.0, 1e9});
+  if (!map.has("chain")) {
+    map.read("probability", rule.probability, kProbability);
+    return;
+  }
+  if (map.has("probability")) {
+    map.problem("probability", "the chain says it: chain.in_bad and chain.in_good");
+    map.read("probability", rule.probability, kProbability);
+  }
+  ConfigurationMap chain = map.map("chain");
+  rule.chain.emplace();
+  chain.require("to_bad");
+  chain.require("to_good");
+  chain.read("to_bad", rule.chain->to_bad, kProbability);
+  chain.read("to_good", rule.chain->to_good, kProbability);
+  chain.read("in_bad", rule.chain->in_bad, kProbability);
+  chain.read("in_good", rule.chain->in_good, kProbability);
+}
+
+// A substitution or forgery of earlier values is a replay, whatever writes it.
+void read_class(ConfigurationMap& map, AttackRule& rule) {
+  for (const ActionName& it : kActions) {
+    if (it.action == rule.action) rule.attack_class = replays(rule) ? "replay" : it.attack_class;
+  }
+  if (rule.action == AttackRule::Action::kArm || !map.has("class")) return;
+  map.read_choice("class", rule.attack_class,
+                  {{"alteration", std::string("alteration")},
+                   {"fabrication", std::string("fabrication")},
+                   {"suspension", std::string("suspension")},
+                   {"masquerade", std::string("masquerade")},
+                   {"replay", std::string("replay")}});
 }
 
 AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std::string& folder,
@@ -315,15 +167,7 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std:
   map.require("name");
   map.read("name", rule.name);
   map.require("action");
-  map.read_choice("action", rule.action,
-                  {{"drop", Action::kDrop},
-                   {"flip", Action::kFlip},
-                   {"substitute", Action::kSubstitute},
-                   {"force", Action::kForce},
-                   {"add", Action::kAdd},
-                   {"scale", Action::kScale},
-                   {"arm", Action::kArm},
-                   {"inject", Action::kInject}});
+  read_action_name(map, rule.action);
   ConfigurationMap match_map = map.map("match");
   const Messages selected = read_match(match_map, rule.match, layout);
   if (rule.action == Action::kInject && !rule.match.signal.empty()) {
@@ -332,27 +176,15 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std:
   read_direction(match_map, layout, rule);
   rule.window.read(map.map("window"));
   if (map.has("times")) map.read("times", rule.times, {1.0, 1e15});
-  map.read("probability", rule.probability, kProbability);
+  read_frequency(map, rule);
   map.read_choice("draw", rule.draw,
                   {{"frame", AttackRule::Draw::kFrame}, {"step", AttackRule::Draw::kStep}});
   read_conditions(map, rule, earlier);
-  switch (rule.action) {
-    case Action::kDrop:
-    case Action::kArm:
-      break;
-    case Action::kFlip:
-      read_flip(map, rule, selected);
-      break;
-    case Action::kSubstitute:
-    case Action::kForce:
-    case Action::kAdd:
-    case Action::kScale:
-      read_signals_and_values(map, folder, rule, layout, selected);
-      break;
-    case Action::kInject:
-      read_inject(map, folder, rule, layout, selected);
-      break;
-  }
+  read_action(map, folder, layout, selected, rule);
+  read_class(map, rule);
+  const bool touches = rule.action != Action::kDrop && rule.action != Action::kArm &&
+                       rule.action != Action::kDuplicate;
+  if (touches) map.read("repair", rule.repairs);
   check_way_back(map, rule);
   return rule;
 }
@@ -360,23 +192,8 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std:
 }  // namespace
 
 const char* to_string(AttackRule::Action action) {
-  switch (action) {
-    case AttackRule::Action::kDrop:
-      return "drop";
-    case AttackRule::Action::kFlip:
-      return "flip";
-    case AttackRule::Action::kSubstitute:
-      return "substitute";
-    case AttackRule::Action::kInject:
-      return "inject";
-    case AttackRule::Action::kForce:
-      return "force";
-    case AttackRule::Action::kAdd:
-      return "add";
-    case AttackRule::Action::kScale:
-      return "scale";
-    case AttackRule::Action::kArm:
-      return "arm";
+  for (const ActionName& it : kActions) {
+    if (it.action == action) return it.name;
   }
   return "unknown";
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,19 @@ struct ReplayDelay {
   int low = 1, high = 1;
 };
 
+/// Decides in bursts, in place of one probability: a chain of two states (Gilbert 1960, Elliott
+/// 1963), good at first, that may change each time before the rule decides.
+struct BurstChain {
+  double to_bad = 0.0, to_good = 1.0;  // probabilities of a change
+  double in_bad = 1.0, in_good = 0.0;  // probability that the rule acts there
+};
+
+/// What happens to bytes of a payload: data[at + i] becomes ((data & keep[i]) | set[i]) ^ flip[i].
+struct PayloadEdit {
+  int at = 0;                                 // 0..63
+  std::vector<std::uint8_t> keep, set, flip;  // of one size
+};
+
 /// How many frames an injection forges, per step and matched message.
 struct CountDistribution {
   enum class Kind { kConstant, kPoisson };
@@ -55,7 +69,10 @@ struct AttackRule {
     kForce = 4,  // as kSubstitute, with a constant zero for default
     kAdd = 5,
     kScale = 6,
-    kArm = 7  // touches nothing: other rules refer to it
+    kArm = 7,  // touches nothing: other rules refer to it
+    kBits = 8,
+    kFreeze = 9,  // the signals stay as they were in the first frame on which the rule acted
+    kDuplicate = 10
   };
   enum class Draw { kFrame, kStep };  // kStep: one decision is shared by all frames of a step
   // What shares one draw: nothing, the signals of a frame, or those of all frames of a step.
@@ -64,7 +81,9 @@ struct AttackRule {
   std::string name;
   AttackMatch match;
   StepWindow window;
+  std::int64_t every = 1;  // of the frames on which it might act only each so manieth
   double probability = 1.0;
+  std::optional<BurstChain> chain;  // in place of the probability
   Draw draw = Draw::kFrame;
   Action action = Action::kDrop;
   // The rule acts on commands, on their way to the plant; else on what goes to the monitor.
@@ -76,6 +95,10 @@ struct AttackRule {
 
   static constexpr std::size_t kSignalsMax = 100;
   std::vector<std::string> signals;  // flip: one; with values: at least one
+  std::string attack_class;          // what the truth calls it: "alteration", "suspension", ...
+  bool repairs = true;               // checksums of what it touched, so that receivers take it
+  PayloadEdit edit;                  // bits
+  int copies = 1;                    // duplicate
   int bit = -1;  // flip: payload bit as a DBC counts, -1 when a signal is flipped
   // Substitute, force, add, scale, inject: one per signal, all of one kind.
   std::vector<ValueDistribution> values;
@@ -91,8 +114,12 @@ struct AttackRule {
 const char* to_string(AttackRule::Action action);
 /// True when whether the rule acts depends on what it or earlier rules did before.
 inline bool is_conditional(const AttackRule& rule) {
-  return !rule.given.empty() || !rule.unless.empty() ||
+  return !rule.given.empty() || !rule.unless.empty() || rule.every != 1 || rule.chain ||
          rule.times != std::numeric_limits<std::int64_t>::max();
+}
+/// True when the rule's chain moves with the steps, not with the frames.
+inline bool is_by_step(const AttackRule& rule) {
+  return rule.draw == AttackRule::Draw::kStep || rule.action == AttackRule::Action::kInject;
 }
 /// True when the rule takes its values from earlier frames.
 inline bool replays(const AttackRule& rule) {

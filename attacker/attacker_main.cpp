@@ -6,6 +6,7 @@
 #include "drivers/event_loop.h"
 #include "drivers/socket_lock.h"
 #include "tools/attacker_process.h"
+#include "tools/offline_attack.h"
 #include "tools/program_options.h"
 
 namespace holdfast {
@@ -14,9 +15,18 @@ namespace {
 struct AttackerOptions : ProgramOptions {
   std::string from, to;
   bool no_record = false;
+  OfflineAttack offline;
 };
 
 int run(const AttackerOptions& options) {
+  if (options.offline.is_wanted()) {
+    if (!options.from.empty() || !options.to.empty())
+      throw UsageError("give either buses (--from, --to) or recordings (--in, --out)");
+    std::cout << attack_offline(options.load(), options.offline);
+    return 0;
+  }
+  if (options.from.empty() || options.to.empty())
+    throw UsageError("--from and --to are needed: URLs of the sensor-side and monitor-side bus");
   const std::string from_url = canonical_bus_url(options.from),
                     to_url = canonical_bus_url(options.to);
   if (from_url == to_url)
@@ -62,7 +72,7 @@ int run(const AttackerOptions& options) {
   attacker.flush_record();
   attacker.set_state(is_stopped ? ProcessState::kFailed : ProcessState::kFinished);
   attacker.publish_status(*from, *to);
-  return is_stopped ? 1 : 0;
+  return is_stopped ? 1 : attacker.end_status(*from, *to);
 }
 
 }  // namespace
@@ -80,10 +90,17 @@ int main(int argc, char** argv) {
   options.add_lcm(app);
   options.add_owned_bus(app);
   app.add_option("--from", options.from,
-                 "Sensor-side bus URL (read-only, unless commands go there)")
-      ->required();
-  app.add_option("--to", options.to, "Monitor-side bus URL")->required();
+                 "Sensor-side bus URL (read-only, unless commands go there)");
+  app.add_option("--to", options.to, "Monitor-side bus URL");
   app.add_flag("--no-record", options.no_record, "Neither truth nor status on LCM: forward only");
+  app.add_option("--in", options.offline.in,
+                 "Instead of buses: a recording of the sensor-side bus, as candump -L writes it");
+  app.add_option("--out", options.offline.out,
+                 "New recording: what the monitor-side bus would see");
+  app.add_option("--truth", options.offline.truth,
+                 "New file, JSON lines: what was done, with --in");
+  app.add_option("--commands", options.offline.commands,
+                 "New recording: forged commands to the plant, with --in");
   return holdfast::run_command_line(app, "holdfast-attacker", argc, argv,
                                     [&] { return holdfast::run(options); });
 }

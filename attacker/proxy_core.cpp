@@ -22,6 +22,11 @@ std::span<std::uint8_t> payload(CanFrame& frame) {
   return {frame.data.data(), frame.num_bytes};
 }
 
+// To arm others, and to have copies made, is not to touch the frame.
+bool leaves_record(const AttackRule& rule) {
+  return rule.action != AttackRule::Action::kArm && rule.action != AttackRule::Action::kDuplicate;
+}
+
 // What the signal is to say, given what it says and what was drawn.
 double new_value(AttackRule::Action action, const DbcSignal& signal, const CanFrame& frame,
                  double drawn) {
@@ -32,27 +37,14 @@ double new_value(AttackRule::Action action, const DbcSignal& signal, const CanFr
 
 }  // namespace
 
-std::uint32_t ExtendedFrameCounter::next(std::uint32_t identifier, std::int64_t step) {
-  std::size_t place = (identifier * 0x9E3779B1U) >> 16;
-  for (std::size_t probe = 0; probe < kProbesMax; ++probe, place = (place + 1) % kNumSlots) {
-    Slot& slot = slots_[place];
-    if (slot.step == step && slot.identifier == identifier) return slot.count++;
-    if (slot.step != step) {
-      slot = {step, identifier, 1};
-      return 0;
-    }
-  }
-  // A flood of tens of thousands of identifiers in one step: these share a count rather than cost
-  // memory.
-  return slots_[place].count++;
-}
-
 ProxyCore::ProxyCore(std::vector<AttackRule> rules, const FrameLayout& layout, std::uint64_t seed,
                      std::uint32_t run, double step_s)
     : rules_(std::move(rules)),
       table_(rules_, layout),
       commands_(layout),
       acts_(rules_.size()),
+      is_bad_(rules_.size(), 0),
+      frozen_(table_.num_targets()),
       step_s_(step_s),
       standard_counts_(kNumStandard) {
   if (const DbcMessage* tick = layout.dbc.find(layout.tick_message)) {
@@ -63,6 +55,10 @@ ProxyCore::ProxyCore(std::vector<AttackRule> rules, const FrameLayout& layout, s
   }
   tick_mask_ =
       tick_step_.num_bits >= 64 ? UINT64_MAX : (std::uint64_t{1} << tick_step_.num_bits) - 1;
+  for (const FrameProtection& it : layout.protection) {
+    if (const DbcMessage* message = layout.dbc.find(it.message))
+      protected_.push_back({*message, it});
+  }
   for (const AttackRule& rule : rules_) streams_.emplace_back(seed, run, "attack/" + rule.name);
   if (table_.has_extended()) extended_counts_.allocate();
   open_rules();
@@ -84,6 +80,8 @@ void ProxyCore::open_rules() {
   for (std::size_t rule = 0; rule < rules_.size(); ++rule) {
     const bool was_open = is_open_[rule] != 0;
     is_open_[rule] = rules_[rule].probability > 0.0 && rules_[rule].window.contains(step_, step_s_);
+    if (is_open_[rule] != 0 && rules_[rule].chain && is_by_step(rules_[rule]))
+      move_chain(static_cast<std::uint32_t>(rule), {static_cast<std::uint32_t>(step_), 0, 0});
     if (is_open_[rule] != 0 && is_over_time(rules_[rule])) advance_in_time(rule, was_open);
   }
 }
@@ -104,6 +102,22 @@ std::uint32_t ProxyCore::next_index(const CanFrame& frame) {
   StandardCount& entry = standard_counts_[frame.identifier % kNumStandard];
   if (entry.step != step_) entry = {step_, 0};
   return entry.count++;
+}
+
+void ProxyCore::move_chain(std::uint32_t rule, const DrawPlace& place) {
+  const BurstChain& chain = *rules_[rule].chain;
+  const double draw = chain_draw(rules_[rule], streams_[rule], place);
+  if (draw < (is_bad_[rule] != 0 ? chain.to_good : chain.to_bad)) is_bad_[rule] ^= 1;
+}
+
+// Whether the rule acts on a frame on which it may: in its turn, and by its draw.
+bool ProxyCore::decides(const RuleCandidate& candidate, const DrawPlace& place, double& draw) {
+  const AttackRule& rule = rules_[candidate.rule];
+  if (++acts_[candidate.rule].chances % rule.every != 0) return false;
+  if (rule.chain && !is_by_step(rule)) move_chain(candidate.rule, place);
+  draw = decision_draw(rule, streams_[candidate.rule], place);
+  if (!rule.chain) return draw < rule.probability;
+  return draw < (is_bad_[candidate.rule] != 0 ? rule.chain->in_bad : rule.chain->in_good);
 }
 
 // The frames of one step come one after the other; those that an attacker mixes share counts.
@@ -138,12 +152,16 @@ bool ProxyCore::is_open(const RuleCandidate& candidate, std::int64_t step) const
 bool ProxyCore::can_act(const RuleCandidate& candidate, const CanFrame& frame) const {
   if (((candidate.identifier ^ frame.identifier) & candidate.mask) != 0) return false;
   const AttackRule& rule = rules_[candidate.rule];
+  if (!rule.match.matches_content(frame)) return false;
   if (frame.has(CanFrame::kRemote)) {
-    const bool needs_payload =
-        rule.action != AttackRule::Action::kDrop && rule.action != AttackRule::Action::kArm;
+    using Action = AttackRule::Action;
+    const bool needs_payload = rule.action != Action::kDrop && rule.action != Action::kArm &&
+                               rule.action != Action::kDuplicate;
     return !needs_payload && candidate.target < 0;
   }
   if (rule.bit >= 8 * frame.num_bytes) return false;
+  if (static_cast<std::size_t>(rule.edit.at) + rule.edit.keep.size() > frame.num_bytes)
+    return false;
   if (candidate.target < 0) return true;
   const RuleTarget& target = table_.target(candidate);
   for (const DbcSignal& signal : target.acted_on) {
@@ -157,7 +175,7 @@ bool ProxyCore::can_act(const RuleCandidate& candidate, const CanFrame& frame) c
 
 // False, and the frame as it was, when what is to be replayed never came.
 bool ProxyCore::write_values(const RuleCandidate& candidate, const DrawPlace& place,
-                             CanFrame& frame) const {
+                             CanFrame& frame, bool& is_saturated) const {
   const RuleTarget& target = table_.target(candidate);
   const AttackRule& rule = rules_[candidate.rule];
   const RandomStream& stream = streams_[candidate.rule];
@@ -166,7 +184,8 @@ bool ProxyCore::write_values(const RuleCandidate& candidate, const DrawPlace& pl
       const DbcSignal& signal = target.acted_on[i];
       const double drawn = is_over_time(rule) ? rule.values[i].value * over_time_[candidate.rule]
                                               : value_draw(rule, stream, i, place);
-      signal.pack(payload(frame), new_value(rule.action, signal, frame, drawn));
+      const double value = new_value(rule.action, signal, frame, drawn);
+      is_saturated = !signal.pack(payload(frame), value) || is_saturated;
     }
     return true;
   }
@@ -182,19 +201,52 @@ bool ProxyCore::write_values(const RuleCandidate& candidate, const DrawPlace& pl
   return true;
 }
 
-bool ProxyCore::alter(const RuleCandidate& candidate, const DrawPlace& place,
-                      CanFrame& frame) const {
+void ProxyCore::freeze(const RuleCandidate& candidate, CanFrame& frame) {
+  std::optional<CanFrame>& frozen = frozen_[static_cast<std::size_t>(candidate.target)];
+  if (!frozen) frozen = frame;
+  for (const DbcSignal& signal : table_.target(candidate).acted_on)
+    signal.set_raw(payload(frame), signal.raw(frozen->bytes()));
+}
+
+bool ProxyCore::alter(const RuleCandidate& candidate, const DrawPlace& place, CanFrame& frame,
+                      bool& is_saturated) {
   const AttackRule& rule = rules_[candidate.rule];
-  if (rule.action != AttackRule::Action::kFlip) return write_values(candidate, place, frame);
+  switch (rule.action) {
+    case AttackRule::Action::kDrop:
+    case AttackRule::Action::kArm:
+    case AttackRule::Action::kDuplicate:
+      return true;
+    case AttackRule::Action::kFreeze:
+      freeze(candidate, frame);
+      return true;
+    case AttackRule::Action::kBits:
+      for (std::size_t i = 0; i < rule.edit.keep.size(); ++i) {
+        std::uint8_t& byte = frame.data[static_cast<std::size_t>(rule.edit.at) + i];
+        byte = static_cast<std::uint8_t>(((byte & rule.edit.keep[i]) | rule.edit.set[i]) ^
+                                         rule.edit.flip[i]);
+      }
+      return true;
+    case AttackRule::Action::kFlip:
+      break;
+    default:
+      return write_values(candidate, place, frame, is_saturated);
+  }
   if (rule.bit >= 0) {
     frame.data[static_cast<std::size_t>(rule.bit) / 8] ^=
         static_cast<std::uint8_t>(1U << (rule.bit % 8));
     return true;
   }
-  const RuleTarget& target = table_.target(candidate);
-  const DbcSignal& signal = target.acted_on.front();
+  const DbcSignal& signal = table_.target(candidate).acted_on.front();
   signal.set_raw(payload(frame), signal.raw(frame.bytes()) ^ 1U);
   return true;
+}
+
+// Null for a frame that is none of a protected message, or has not its form any more.
+const FrameProtection* ProxyCore::protection_of(const CanFrame& frame) const {
+  for (const Protected& it : protected_) {
+    if (it.message.matches(frame)) return &it.protection;
+  }
+  return nullptr;
 }
 
 void ProxyCore::pass(const CanFrame& frame, Way way) {
@@ -237,21 +289,25 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
                            std::span<const RuleCandidate> list, const DrawPlace& place, Way way) {
   way.frames.push_back(frame);
   CanFrame& forwarded = way.frames.back();
-  bool is_touched = false;
+  bool is_touched = false, is_saturated = false, is_repaired = true;
+  copies_.clear();
   for (const RuleCandidate& candidate : list) {
     const AttackRule& rule = rules_[candidate.rule];
     if (!is_open(candidate, place.step) || !can_act(candidate, forwarded) ||
         !is_due(rule, rx_index)) {
       continue;
     }
-    const double draw = decision_draw(rule, streams_[candidate.rule], place);
-    if (draw >= rule.probability) continue;
+    double draw = 0.0;
+    if (!decides(candidate, place, draw) || !alter(candidate, place, forwarded, is_saturated)) {
+      continue;
+    }
     const bool is_drop = rule.action == AttackRule::Action::kDrop;
-    const bool is_arm = rule.action == AttackRule::Action::kArm;
-    if (!is_drop && !is_arm && !alter(candidate, place, forwarded)) continue;
     Acts& acts = acts_[candidate.rule];
-    acts = {acts.count + 1, rx_index, step_};
-    if (is_arm) continue;
+    ++acts.count;
+    acts.last_rx_index = rx_index;
+    acts.last_step = step_;
+    if (rule.action == AttackRule::Action::kDuplicate) copies_.push_back({candidate.rule, draw});
+    if (!leaves_record(rule)) continue;
     if (!is_touched) way.records.emplace_back();
     AttackRecord& record = way.records.back();
     record.note(rule.action);
@@ -260,6 +316,7 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
       record.draw = draw;
     }
     is_touched = true;
+    is_repaired = is_repaired && rule.repairs;
     if (is_drop) {
       record.disposition = AttackRecord::Disposition::kDropped;
       break;
@@ -268,7 +325,7 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
   if (!is_touched) {
     ++way.counters.passed;
     ++way.counters.sent;
-    return;
+    return send_copies(frame, rx_index, place, way);
   }
   AttackRecord& record = way.records.back();
   record.direction = way.direction;
@@ -281,8 +338,36 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
     way.frames.pop_back();
   } else {
     ++way.counters.altered;
+    const FrameProtection* protection = is_repaired ? protection_of(forwarded) : nullptr;
+    if (protection != nullptr) protection->seal(payload(forwarded));
     record.tx_index = way.counters.sent++;
     record.forwarded = forwarded;
+    record.is_saturated = is_saturated;
+    send_copies(frame, rx_index, place, way);
+  }
+}
+
+// Of the frame that was sent last, behind it.
+void ProxyCore::send_copies(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
+                            Way way) {
+  for (const Copies& wanted : copies_) {
+    for (int i = 0; i < rules_[wanted.rule].copies; ++i) {
+      const CanFrame copy = way.frames.back();
+      AttackRecord& record = way.records.emplace_back();
+      record.direction = way.direction;
+      record.disposition = AttackRecord::Disposition::kDuplicated;
+      record.note(AttackRule::Action::kDuplicate);
+      record.rule = wanted.rule;
+      record.step = place.step;
+      record.rx_index = rx_index;
+      record.tx_index = way.counters.sent++;
+      record.draw_index = place.index;
+      record.draw = wanted.draw;
+      record.original = frame;
+      record.forwarded = copy;
+      way.frames.push_back(copy);
+      ++way.counters.duplicated;
+    }
   }
 }
 
@@ -310,20 +395,25 @@ void ProxyCore::inject(const RuleCandidate& candidate, Way way) {
   DrawPlace place = {static_cast<std::uint32_t>(step_),
                      frame_key(target.forged.identifier, target.forged.has(CanFrame::kExtended)),
                      0};
-  const double draw = decision_draw(rule, stream, place);
-  if (draw >= rule.probability) return;
+  double draw = 0.0;
+  if (!decides(candidate, place, draw)) return;
   bool has_forged = false;
   const int count = count_draw(rule, stream, place);
   for (int i = 0; i < count; ++i) {
     place.index = static_cast<std::uint32_t>(i);
     CanFrame frame = target.forged;
-    if (!write_values(candidate, place, frame)) continue;
+    bool is_saturated = false;
+    if (!write_values(candidate, place, frame, is_saturated)) continue;
     if (target.counter && target.counter->fits(frame.num_bytes)) {
       const std::int64_t counter = step_ + rule.counter_offset;
       // A command's step is no counter that wraps: what lies before the run is merely late.
       target.counter->set_raw(
           payload(frame), static_cast<std::uint64_t>(
                               rule.is_on_way_back ? std::max<std::int64_t>(counter, 0) : counter));
+    }
+    if (const FrameProtection* protection = rule.repairs ? protection_of(frame) : nullptr) {
+      protection->set_counter(payload(frame), step_ + rule.counter_offset);
+      protection->seal(payload(frame));
     }
     if (!has_forged) ++acts_[candidate.rule].count;
     has_forged = true;
@@ -336,6 +426,7 @@ void ProxyCore::inject(const RuleCandidate& candidate, Way way) {
     record.tx_index = way.counters.sent++;
     record.draw_index = i;
     record.draw = draw;
+    record.is_saturated = is_saturated;
     record.forwarded = frame;
     way.frames.push_back(frame);
     ++way.counters.injected;

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "attacker/attack_rule.h"
+#include "attacker/frame_counter.h"
 #include "attacker/rule_draws.h"
 #include "attacker/rule_table.h"
 #include "common/random_stream.h"
@@ -17,7 +19,12 @@ namespace holdfast {
 
 /// Ground truth of one frame that rules touched: one record per frame, however many rules acted.
 struct AttackRecord {
-  enum class Disposition : std::int32_t { kAltered = 0, kDropped = 1, kInjected = 2 };
+  enum class Disposition : std::int32_t {
+    kAltered = 0,
+    kDropped = 1,
+    kInjected = 2,
+    kDuplicated = 3  // a further copy of a frame that was read
+  };
   enum class Direction : std::int32_t { kToMonitor = 0, kToPlant = 1 };
 
   Direction direction = Direction::kToMonitor;
@@ -31,6 +38,7 @@ struct AttackRecord {
   std::int64_t draw_index =
       0;              // index among the identifier's frames of the step, or among the forged ones
   double draw = 0.0;  // uniform draw that was compared with the probability
+  bool is_saturated = false;     // a value did not fit its signal
   CanFrame original, forwarded;  // as read, as sent; empty where there is none
 
   void note(AttackRule::Action action) { actions |= 1U << static_cast<unsigned>(action); }
@@ -43,8 +51,13 @@ struct AttackRecord {
 struct ProxyCounters {
   std::int64_t received = 0, sent = 0;
   std::int64_t passed = 0, altered = 0, dropped = 0;  // received = passed + altered + dropped
-  std::int64_t injected = 0;                          // sent = passed + altered + injected
-  std::int64_t odd_ticks = 0;  // passed on, but they do not move the proxy's step
+  std::int64_t injected = 0, duplicated = 0;  // sent = passed + altered + injected + duplicated
+  std::int64_t odd_ticks = 0;                 // passed on, but they do not move the proxy's step
+
+  bool balance() const {
+    return received == passed + altered + dropped &&
+           sent == passed + altered + injected + duplicated;
+  }
 };
 
 /// What a rule over time makes of a step: signal i of the rule gets values[i].value times factor.
@@ -70,24 +83,6 @@ struct ProxyOutput {
   }
 };
 
-/// Counts the frames of each 29-bit identifier within a step, in fixed memory.
-class ExtendedFrameCounter {
- public:
-  /// Number of earlier frames of this identifier in this step. Precondition: steps never decrease.
-  std::uint32_t next(std::uint32_t identifier, std::int64_t step);
-  /// Must be called before next().
-  void allocate() { slots_.resize(kNumSlots); }
-
- private:
-  static constexpr std::size_t kNumSlots = 1U << 16;
-  static constexpr std::size_t kProbesMax = 32;
-  struct Slot {
-    std::int64_t step = 0;
-    std::uint32_t identifier = 0, count = 0;
-  };
-  std::vector<Slot> slots_;
-};
-
 /// The man in the middle: frames of the sensor-side bus in, frames for the monitor-side bus out;
 /// commands the other way.
 ///
@@ -95,8 +90,9 @@ class ExtendedFrameCounter {
 /// the tick's identifier are always passed and no rule can match them. Rules act in their order,
 /// each on what the earlier ones left; no rule sees a frame that was dropped or forged. A frame
 /// that a rule acted on counts as altered even when its bytes came out the same; to arm other rules
-/// is not to act in that sense: it leaves no record. No allocation once the output has grown to
-/// what a step needs.
+/// is not to act in that sense: it leaves no record. What was touched gets a right checksum at
+/// last, where its message has one and no rule that touched it says otherwise. No allocation once
+/// the output has grown to what a step needs.
 class ProxyCore {
  public:
   /// Draws of rule r come from the stream "attack/<name of r>", addressed by (step, identifier,
@@ -135,6 +131,12 @@ class ProxyCore {
   // cleared between frames.
   struct Acts {
     std::int64_t count = 0, last_rx_index = -1, last_step = -1;
+    std::int64_t chances = 0;  // frames on which it might have acted
+  };
+  // Copies that a rule wants of the frame that passes.
+  struct Copies {
+    std::uint32_t rule = 0;
+    double draw = 0.0;
   };
 
   Way to_monitor(ProxyOutput& out) {
@@ -154,12 +156,19 @@ class ProxyCore {
   static void pass(const CanFrame& frame, Way way);
   void meet_rules(const CanFrame& frame, std::int64_t rx_index, std::span<const RuleCandidate> list,
                   const DrawPlace& place, Way way);
+  const FrameProtection* protection_of(const CanFrame& frame) const;
+  void send_copies(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place, Way way);
+  void move_chain(std::uint32_t rule, const DrawPlace& place);
+  bool decides(const RuleCandidate& candidate, const DrawPlace& place, double& draw);
   bool is_open(const RuleCandidate& candidate, std::int64_t step) const;
   bool can_act(const RuleCandidate& candidate, const CanFrame& frame) const;
   bool is_due(const AttackRule& rule, std::int64_t rx_index) const;
   bool is_due_in_step(const AttackRule& rule) const;
-  bool write_values(const RuleCandidate& candidate, const DrawPlace& place, CanFrame& frame) const;
-  bool alter(const RuleCandidate& candidate, const DrawPlace& place, CanFrame& frame) const;
+  bool write_values(const RuleCandidate& candidate, const DrawPlace& place, CanFrame& frame,
+                    bool& is_saturated) const;
+  bool alter(const RuleCandidate& candidate, const DrawPlace& place, CanFrame& frame,
+             bool& is_saturated);
+  void freeze(const RuleCandidate& candidate, CanFrame& frame);
   void inject(const RuleCandidate& candidate, Way way);
 
   std::vector<AttackRule> rules_;
@@ -169,10 +178,20 @@ class ProxyCore {
   std::vector<char> is_open_;          // per rule: the current step lies in its window
   std::vector<double> over_time_;      // per rule: waveform or walk in the current step
   std::vector<Acts> acts_;             // per rule
+  std::vector<char> is_bad_;           // per rule: the state of its chain
+  // By target: what a rule keeps the signals at, once it has acted since its window opened.
+  std::vector<std::optional<CanFrame>> frozen_;
+  std::vector<Copies> copies_;  // of the frame that passes
   DbcMessage tick_;
   DbcSignal tick_step_;
   std::uint64_t tick_mask_ = 0;
   double step_s_;
+
+  struct Protected {
+    DbcMessage message;
+    FrameProtection protection;
+  };
+  std::vector<Protected> protected_;
 
   struct StandardCount {
     std::int64_t step = 0;

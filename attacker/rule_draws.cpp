@@ -16,6 +16,8 @@ enum Purpose : unsigned {
   kReplayDelay = 5,
   kSharedValue = 6,
   kWalk = 7,
+  kChain = 8,
+  kSharedChain = 9,
   kFurtherValues = 16  // of the second signal, the third, ...
 };
 static_assert(kFurtherValues + AttackRule::kSignalsMax < 128, "a purpose has seven bits");
@@ -43,6 +45,11 @@ double decision_draw(const AttackRule& rule, const RandomStream& stream, const D
   const bool is_shared = rule.draw == AttackRule::Draw::kStep;
   return stream.uniform(place.step, is_shared ? address(0, 0, kSharedDecision)
                                               : address(place.key, place.index, kDecision));
+}
+
+double chain_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place) {
+  return stream.uniform(place.step, is_by_step(rule) ? address(0, 0, kSharedChain)
+                                                     : address(place.key, place.index, kChain));
 }
 
 double value_draw(const AttackRule& rule, const RandomStream& stream, std::size_t signal,

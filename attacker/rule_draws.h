@@ -17,6 +17,9 @@ struct DrawPlace {
 /// Uniform draw that is compared with the rule's probability; the stream is the rule's own.
 double decision_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place);
 
+/// Uniform draw that says whether the rule's chain changes its state.
+double chain_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place);
+
 /// Number for signals[signal], physical units; of a rule whose values are drawn. With one draw for
 /// a frame or a step the signals share the underlying uniform or standard normal number, and each
 /// makes its own value of it.

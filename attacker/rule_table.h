@@ -45,6 +45,7 @@ class RuleTable {
   const RuleTarget& target(const RuleCandidate& candidate) const {
     return targets_[static_cast<std::size_t>(candidate.target)];
   }
+  std::size_t num_targets() const { return targets_.size(); }
   bool has_extended() const { return !extended_.empty() || !extended_by_mask_.empty(); }
 
   /// Keeps a frame that some rule may replay.

@@ -32,6 +32,9 @@ const MeasurementSet* MeasurementAssembler::on_frame(const CanFrame& frame) {
     case FrameCodec::Kind::kNonFinite:
       ++counters_.non_finite;
       break;
+    case FrameCodec::Kind::kWrongChecksum:
+      ++counters_.wrong_checksum;
+      break;
     case FrameCodec::Kind::kTick:
       if (options_.closed_by_tick && codec_.tick_matches(decoded.tick_step, step_)) {
         ++counters_.ticks;

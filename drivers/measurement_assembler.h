@@ -8,13 +8,14 @@
 namespace holdfast {
 
 /// What became of the frames that a driver read. Always frames = packets + unknown + wrong_format +
-/// non_finite + wrong_counter + ticks + odd_ticks + after_end.
+/// non_finite + wrong_checksum + wrong_counter + ticks + odd_ticks + after_end.
 struct AssemblerCounters {
-  std::int64_t frames = 0;         // all that were read
-  std::int64_t packets = 0;        // kept in a set
-  std::int64_t unknown = 0;        // identifier that is none of the layout's
-  std::int64_t wrong_format = 0;   // length, FD, remote or width unlike the layout's
-  std::int64_t non_finite = 0;     // NaN or infinity in a float signal
+  std::int64_t frames = 0;        // all that were read
+  std::int64_t packets = 0;       // kept in a set
+  std::int64_t unknown = 0;       // identifier that is none of the layout's
+  std::int64_t wrong_format = 0;  // length, FD, remote or width unlike the layout's
+  std::int64_t non_finite = 0;    // NaN or infinity in a float signal
+  std::int64_t wrong_checksum = 0;
   std::int64_t wrong_counter = 0;  // claims another step than the one it arrived in
   std::int64_t ticks = 0;          // that closed a step
   std::int64_t odd_ticks = 0;      // a tick that is not the next one, or that nobody waits for

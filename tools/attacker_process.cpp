@@ -34,6 +34,16 @@ void AttackerProcess::set_state(ProcessState state) {
   if (status_) status_->set_state(state);
 }
 
+int AttackerProcess::end_status(CanBus& from, CanBus& to) const {
+  const BusCounters &at_sensors = from.counters(), &at_monitor = to.counters();
+  const std::int64_t lost =
+      at_sensors.kernel_dropped + at_sensors.write_dropped + at_monitor.write_dropped;
+  const bool balances = core_.counters().balance() && core_.command_counters().balance();
+  if (lost > 0) std::cerr << "holdfast-attacker: " << lost << " frames were lost" << std::endl;
+  if (!balances) std::cerr << "holdfast-attacker: frames are not accounted for" << std::endl;
+  return lost > 0 || !balances ? 1 : 0;
+}
+
 void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
   // Bounded in time, so that timers, signals and the other bus get their turn. The clock is asked
   // rarely, and more rarely while frames are quick: in a guest kernel it costs as much as a read.
@@ -105,12 +115,14 @@ void AttackerProcess::publish_status(CanBus& from, CanBus& to) {
       {"altered", frames.altered},
       {"dropped", frames.dropped},
       {"injected", frames.injected},
+      {"duplicated", frames.duplicated},
       {"odd_ticks", frames.odd_ticks},
       {"commands_received", commands.received},
       {"commands_sent", commands.sent},
       {"commands_altered", commands.altered},
       {"commands_dropped", commands.dropped},
       {"commands_injected", commands.injected},
+      {"commands_duplicated", commands.duplicated},
       {"bus_kernel_dropped", rx.kernel_dropped},
       {"bus_refused", rx.refused},
       {"bus_write_dropped", tx.write_dropped},

@@ -22,6 +22,8 @@ class AttackerProcess {
 
   void remark(const std::string& text);
   void set_state(ProcessState state);
+  /// 0, or 1 when frames were lost or the counters do not balance; then it says so.
+  int end_status(CanBus& from, CanBus& to) const;
   bool is_finished() const { return core_.current_step() > experiment_.num_steps; }
 
   /// True when commands come back from the monitor-side bus: both buses are read and written.

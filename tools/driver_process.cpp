@@ -62,6 +62,7 @@ void DriverProcess::publish_status(CanBus& bus) {
       {"unknown", frames.unknown},
       {"wrong_format", frames.wrong_format},
       {"non_finite", frames.non_finite},
+      {"wrong_checksum", frames.wrong_checksum},
       {"wrong_counter", frames.wrong_counter},
       {"ticks", frames.ticks},
       {"odd_ticks", frames.odd_ticks},

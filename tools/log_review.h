@@ -62,7 +62,7 @@ struct ProcessReview {
 
 struct RuleReview {
   std::string rule, action;
-  std::int64_t altered = 0, dropped = 0, injected = 0;
+  std::int64_t altered = 0, dropped = 0, injected = 0, duplicated = 0;
 };
 
 /// One counter that says that something was lost.

@@ -293,6 +293,7 @@ class LogCollector {
     if (message.disposition == attack_frame_t::ALTERED) ++rule.altered;
     if (message.disposition == attack_frame_t::DROPPED) ++rule.dropped;
     if (message.disposition == attack_frame_t::INJECTED) ++rule.injected;
+    if (message.disposition == attack_frame_t::DUPLICATED) ++rule.duplicated;
     if (!is_command) trace_.labeler.add_attack(message);
   }
 

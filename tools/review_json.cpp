@@ -109,7 +109,8 @@ Json frames_json(const RunReview& review) {
                              {"action", rule.action},
                              {"altered", rule.altered},
                              {"dropped", rule.dropped},
-                             {"injected", rule.injected}});
+                             {"injected", rule.injected},
+                             {"duplicated", rule.duplicated}});
   }
   return json;
 }

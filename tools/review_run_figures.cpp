@@ -127,6 +127,7 @@ std::vector<Figure> frame_figures(const FigureContext& context) {
   add_marks(context, attack_frame_t::ALTERED, "altered", marks);
   add_marks(context, attack_frame_t::DROPPED, "dropped", marks);
   add_marks(context, attack_frame_t::INJECTED, "injected", marks);
+  add_marks(context, attack_frame_t::DUPLICATED, "duplicated", marks);
   add_foreign_marks(context, marks);
   marks.note = "Foreign: on the monitor-side bus, but never sent by the attacker's proxy.";
   if (!marks.series.empty()) figures.push_back(std::move(marks));

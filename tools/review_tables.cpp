@@ -190,11 +190,12 @@ ReportTable metric_table(const RunReview& review) {
 }
 
 ReportTable rule_table(const RunReview& review) {
-  ReportTable table{"Rules", {"rule", "action", "altered", "dropped", "injected"}, {}, ""};
+  ReportTable table{
+      "Rules", {"rule", "action", "altered", "dropped", "injected", "duplicated"}, {}, ""};
   for (const RuleReview& rule : review.rules) {
     table.rows.push_back({name_text(rule.rule), printable(rule.action, 20),
                           std::to_string(rule.altered), std::to_string(rule.dropped),
-                          std::to_string(rule.injected)});
+                          std::to_string(rule.injected), std::to_string(rule.duplicated)});
   }
   return table;
 }

@@ -13,7 +13,8 @@ bool is_always_open(const StepWindow& window) {
 
 // True for a rule that acts on each frame of its messages with one probability, in every step.
 bool acts_always(const AttackRule& rule) {
-  return rule.bit < 0 && rule.match.signal.empty() && !is_conditional(rule) &&
+  return rule.bit < 0 && rule.match.signal.empty() && rule.match.payload.value.empty() &&
+         rule.match.type == AttackMatch::Type::kAny && !is_conditional(rule) &&
          is_always_open(rule.window);
 }
 

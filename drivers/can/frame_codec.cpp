@@ -49,6 +49,8 @@ FrameCodec::Entry FrameCodec::make_entry(const FrameLayout& layout,
   };
   for (const DbcSignal& signal : entry.values) note(signal);
   if (entry.counter) note(*entry.counter);
+  if (const FrameProtection* protection = layout.find_protection(message_name))
+    entry.protection = *protection;
   entry.empty = entry.message.empty_frame();
   if (entry.needs_selector.empty()) return entry;
   const auto selector_value = common_selector_value(entry.needs_selector);
@@ -88,6 +90,10 @@ CanFrame FrameCodec::encode(int source, std::span<const double> values, std::int
   const std::span<std::uint8_t> data(frame.data.data(), frame.num_bytes);
   for (std::size_t i = 0; i < entry.values.size(); ++i) entry.values[i].pack(data, values[i]);
   if (entry.counter) entry.counter->set_raw(data, static_cast<std::uint64_t>(step));
+  if (entry.protection) {
+    entry.protection->set_counter(data, step);
+    entry.protection->seal(data);
+  }
   return frame;
 }
 
@@ -128,6 +134,10 @@ FrameCodec::Decoded FrameCodec::decode(const CanFrame& frame, std::vector<double
   }
   const Entry& entry = messages_[static_cast<std::size_t>(index)];
   if (!entry.message.matches(frame) || !is_complete(entry, frame)) return decoded;
+  if (entry.protection && !entry.protection->is_sound(frame.bytes())) {
+    decoded.kind = Kind::kWrongChecksum;
+    return decoded;
+  }
   const std::size_t first = values.size();
   for (const DbcSignal& signal : entry.values) {
     const double value = signal.unpack(frame.bytes());

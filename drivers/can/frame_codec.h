@@ -11,6 +11,7 @@
 #include "common/measurement_set.h"
 #include "drivers/can/can_frame.h"
 #include "drivers/can/dbc.h"
+#include "drivers/can/frame_protection.h"
 
 namespace holdfast {
 
@@ -36,9 +37,14 @@ struct FrameLayout {
   std::string tick_message = "StepTick";
   std::string tick_signal = "STEP";
   CommandLayout command;  // its names of modes are the plant's, which is not known here
+  std::vector<FrameProtection> protection;
+
+  /// Null for a message that is not protected.
+  const FrameProtection* find_protection(const std::string& message) const;
 
   /// Reads the keys dbc (a file, relative to the folder) or dbc_text (its text), messages, signals,
-  /// counter_signal, tick.message, tick.signal, command.message, command.mode and command.step.
+  /// counter_signal, tick.message, tick.signal, command.message, command.mode, command.step and
+  /// protection.
   ///
   /// The resolved document holds dbc_text in place of dbc, so that it needs no other file. Reported
   /// on the map: each problem of the DBC, names that it lacks, and what a codec cannot be made of.
@@ -54,8 +60,9 @@ class FrameCodec {
 
   std::size_t num_sources() const { return messages_.size(); }
 
-  /// The frame that carries the values of one source for one step; a value beyond its signal's
-  /// range saturates. Precondition: source is in range, one value for each of the layout's signals.
+  /// The frame that carries the values of one source for one step, protected; a value beyond its
+  /// signal's range saturates. Precondition: source is in range, one value for each of the layout's
+  /// signals.
   CanFrame encode(int source, std::span<const double> values, std::int64_t step) const;
   CanFrame encode_tick(std::int64_t step) const;
 
@@ -64,7 +71,8 @@ class FrameCodec {
     kTick,
     kUnknown,      // identifier (with its width) that is none of the layout's
     kWrongFormat,  // length, FD, remote or error unlike the layout's, or its signals not selected
-    kNonFinite     // NaN or infinity
+    kNonFinite,    // NaN or infinity
+    kWrongChecksum
   };
   struct Decoded {
     Kind kind = Kind::kUnknown;
@@ -90,6 +98,7 @@ class FrameCodec {
     DbcMessage message;
     std::vector<DbcSignal> values;
     std::optional<DbcSignal> counter;
+    std::optional<FrameProtection> protection;
     std::optional<DbcSignal> selector;      // of a multiplexed message whose signals need it
     std::vector<DbcSignal> needs_selector;  // those of values and counter that are multiplexed
     CanFrame empty;                         // selector set

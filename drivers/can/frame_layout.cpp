@@ -69,9 +69,15 @@ std::string counter_fault(const DbcSignal& signal) {
          "' must be an unsigned integer with scale 1 and offset 0 to count steps";
 }
 
-// Writing one of two overlapping signals would change the other. Empty when none overlap.
-std::string overlapping_signal(const std::vector<const DbcSignal*>& signals) {
+// Writing one of two overlapping signals would change the other, and writing into a checksum
+// break it. Empty when none overlap.
+std::string overlapping_signal(const std::vector<const DbcSignal*>& signals,
+                               const FrameProtection* protection = nullptr) {
   std::array<std::uint8_t, CanFrame::kBytesMax> used{};
+  if (protection != nullptr) {
+    const std::vector<std::uint8_t> taken = protection->mask(used.size());
+    std::copy(taken.begin(), taken.end(), used.begin());
+  }
   for (const DbcSignal* signal : signals) {
     std::array<std::uint8_t, CanFrame::kBytesMax> bits{};
     signal->set_raw(bits, ~std::uint64_t{0});
@@ -195,10 +201,10 @@ class LayoutCheck {
         used.push_back(counter);
       }
     }
-    const std::string overlapping = overlapping_signal(used);
+    const std::string overlapping = overlapping_signal(used, layout_.find_protection(message.name));
     if (overlapping.empty()) return;
     problem("signals", "'" + overlapping + "' of message '" + message.name +
-                           "' shares bits with another signal in use");
+                           "' shares bits with another signal in use, or with its protection");
   }
 
   void check_counter(const DbcMessage& message, const DbcSignal& counter) {
@@ -224,6 +230,13 @@ int CommandLayout::find(const std::string& mode) const {
   return found == mode_names.end() ? -1 : static_cast<int>(found - mode_names.begin());
 }
 
+const FrameProtection* FrameLayout::find_protection(const std::string& message) const {
+  for (const FrameProtection& it : protection) {
+    if (it.message == message) return &it;
+  }
+  return nullptr;
+}
+
 void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
   std::string text;
   const std::string name = read_dbc_text(map, folder, text);
@@ -246,8 +259,12 @@ void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
     map.problem("messages", "at least one message is needed");
   if (map.has("signals") && signals.empty())
     map.problem("signals", "at least one signal is needed");
-  if (name.empty()) return;
+  if (name.empty()) {
+    map.raw("protection");
+    return;
+  }
   dbc = parse_dbc(text);
+  protection = read_protection(map, dbc);
   report_dbc_problems(dbc, name, map);
   LayoutCheck check(*this, map);
   check.check_tick(tick);

@@ -59,7 +59,8 @@ void score_packets(const Estimate& estimate, const std::vector<AttackRecord>& re
 // Counts of one run; a map by names would cost more than the scoring.
 struct RunCounters {
   std::int64_t sent = 0, received = 0;
-  std::array<std::int64_t, 3> by_disposition{}, by_command_outcome{};
+  std::array<std::int64_t, 4> by_disposition{};
+  std::array<std::int64_t, 3> by_command_outcome{};
 
   void add(const Simulation& simulation) {
     sent += static_cast<std::int64_t>(simulation.sent_frames().size());
@@ -71,8 +72,8 @@ struct RunCounters {
   }
 
   std::map<std::string, std::int64_t> by_name() const {
-    constexpr std::array<const char*, 3> kNames = {"frames_altered", "frames_dropped",
-                                                   "frames_injected"};
+    constexpr std::array<const char*, 4> kNames = {"frames_altered", "frames_dropped",
+                                                   "frames_injected", "frames_duplicated"};
     std::map<std::string, std::int64_t> counters = {{"frames_sent_by_proxy", sent},
                                                     {"packets_received", received}};
     for (std::size_t i = 0; i < kNames.size(); ++i)

@@ -13,7 +13,8 @@ TEST_CASE("an attack record survives the way through its message") {
 attacks:
   - {name: lie, match: {messages: [Flag1]}, action: flip, signal: DETECT, probability: 0.9}
   - {name: cut, match: {messages: [Flag2]}, action: drop}
-  - {name: ghost, match: {messages: [Level]}, action: inject, signal: LEVEL, value: {value: 3}}
+  - {name: ghost, match: {messages: [Level]}, action: inject, signal: LEVEL, value: {value: 1.0e300}}
+  - {name: twice, match: {messages: [Flag1]}, action: duplicate, window: {last_step: 1}}
 )");
   const std::vector<CanFrame> frames = steps_of(3, [](int step) -> std::vector<CanFrame> {
     return {reading("Flag1", step, "DETECT", 1), reading("Flag2", step, "DETECT", 1)};
@@ -37,6 +38,9 @@ attacks:
     CHECK(back.tx_index == record.tx_index);
     CHECK(back.draw_index == record.draw_index);
     CHECK(back.draw == record.draw);
+    CHECK(back.direction == record.direction);
+    CHECK(back.is_saturated == record.is_saturated);
+    CHECK(message.attack_class == rules[record.rule].attack_class);
     CHECK(back.original.same_on_wire(record.original));
     CHECK(back.forwarded.same_on_wire(record.forwarded));
   }
@@ -44,6 +48,9 @@ attacks:
   message.rule = "nobody";
   CHECK_FALSE(from_message(message, rules, back));
   message.rule = "cut";
-  message.disposition = 3;
+  message.disposition = 4;
+  CHECK_FALSE(from_message(message, rules, back));
+  message.disposition = attack_frame_t::DUPLICATED;
+  message.direction = 2;
   CHECK_FALSE(from_message(message, rules, back));
 }

@@ -149,8 +149,8 @@ TEST_CASE("all problems of the rules are told at once, each with its line") {
       "test.yaml:20:40: attacks[5].match.signal: needs at_least, at_most, or both",
       "test.yaml:21:18: attacks[5].probability: 1.5 must be in [0, 1]",
       "test.yaml:22:40: attacks[5].window.last_step: lies before first_step",
-      "test.yaml:23:13: attacks[5].action: 'explode' is none of: drop, flip, substitute, force, "
-      "add, scale, arm, inject",
+      "test.yaml:23:13: attacks[5].action: 'explode' is none of: drop, flip, substitute, inject, "
+      "force, add, scale, arm, bits, freeze, duplicate",
       "test.yaml:25:25: attacks[6].match.identifier: no rule can match the tick ('StepTick')",
       "attacks[6].signal: missing",
       "attacks[6].value: missing",

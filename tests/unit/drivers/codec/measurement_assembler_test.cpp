@@ -10,8 +10,8 @@ namespace holdfast {
 namespace {
 
 std::int64_t accounted(const AssemblerCounters& c) {
-  return c.packets + c.unknown + c.wrong_format + c.non_finite + c.wrong_counter + c.ticks +
-         c.odd_ticks + c.after_end;
+  return c.packets + c.unknown + c.wrong_format + c.non_finite + c.wrong_checksum +
+         c.wrong_counter + c.ticks + c.odd_ticks + c.after_end;
 }
 
 CanFrame reading(const FrameCodec& codec, int source, double bit, std::int64_t step,

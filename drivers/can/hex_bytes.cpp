@@ -1,0 +1,25 @@
+#include "drivers/can/hex_bytes.h"
+
+#include <charconv>
+
+namespace holdfast {
+
+std::optional<std::vector<std::uint8_t>> parse_hex_bytes(std::string_view text) {
+  std::vector<std::uint8_t> bytes;
+  while (!text.empty()) {
+    if (text.front() == ' ' || text.front() == '.') {
+      text.remove_prefix(1);
+      continue;
+    }
+    std::uint8_t byte = 0;
+    const char* const end = text.data() + 2;
+    if (text.size() < 2 || std::from_chars(text.data(), end, byte, 16).ptr != end)
+      return std::nullopt;
+    bytes.push_back(byte);
+    text.remove_prefix(2);
+  }
+  if (bytes.empty()) return std::nullopt;
+  return bytes;
+}
+
+}  // namespace holdfast

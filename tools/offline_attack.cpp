@@ -1,0 +1,146 @@
+#include "tools/offline_attack.h"
+
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "common/errors.h"
+#include "drivers/can/can_bus.h"
+#include "drivers/can/candump_log.h"
+
+namespace holdfast {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// As candump writes it, without time and interface; null where there is no frame.
+Json frame_json(const CanFrame& frame, bool is_there) {
+  if (!is_there) return nullptr;
+  const std::string line = format_candump_line({0, "x", frame});
+  return line.substr(line.rfind(' ') + 1);
+}
+
+const char* disposition_name(AttackRecord::Disposition disposition) {
+  switch (disposition) {
+    case AttackRecord::Disposition::kAltered:
+      return "altered";
+    case AttackRecord::Disposition::kDropped:
+      return "dropped";
+    case AttackRecord::Disposition::kInjected:
+      return "injected";
+    case AttackRecord::Disposition::kDuplicated:
+      return "duplicated";
+  }
+  return "unknown";
+}
+
+Json record_json(const AttackRecord& record, const std::vector<AttackRule>& rules) {
+  const AttackRule& rule = rules[record.rule];
+  const bool is_command = record.direction == AttackRecord::Direction::kToPlant;
+  return {{"step", record.step},
+          {"direction", is_command ? "to_plant" : "to_monitor"},
+          {"disposition", disposition_name(record.disposition)},
+          {"rule", rule.name},
+          {"action", to_string(rule.action)},
+          {"class", rule.attack_class},
+          {"rx_index", record.rx_index},
+          {"tx_index", record.tx_index},
+          {"draw_index", record.draw_index},
+          {"draw", record.draw},
+          {"saturated", record.is_saturated},
+          {"original",
+           frame_json(record.original, record.disposition != AttackRecord::Disposition::kInjected)},
+          {"forwarded", frame_json(record.forwarded,
+                                   record.disposition != AttackRecord::Disposition::kDropped)}};
+}
+
+std::unique_ptr<CanBus> open_log(const std::string& file) {
+  BusOptions options;
+  options.may_write = true;
+  return open_can_bus("candump-write:" + file, options);
+}
+
+class TruthFile {
+ public:
+  explicit TruthFile(const std::string& file) : file_(file) {
+    if (file.empty()) return;
+    if (std::filesystem::exists(file))
+      throw UsageError(file + ": exists already; remove it or name another file");
+    stream_.open(file, std::ios::binary);
+    if (!stream_) throw JobError(file + ": cannot be made");
+  }
+  void write(const std::vector<AttackRecord>& records, const std::vector<AttackRule>& rules) {
+    if (file_.empty()) return;
+    for (const AttackRecord& record : records) stream_ << record_json(record, rules).dump() << '\n';
+  }
+  void finish() {
+    if (!file_.empty() && !stream_.flush()) throw JobError(file_ + ": cannot be written");
+  }
+
+ private:
+  std::string file_;
+  std::ofstream stream_;
+};
+
+// What is forged has no stamp of its own.
+void stamp(std::vector<CanFrame>& frames, std::int64_t time_ns) {
+  for (CanFrame& frame : frames) {
+    if (frame.receive_time_ns == 0) frame.receive_time_ns = time_ns;
+  }
+}
+
+std::string summary(const ProxyCore& core, const BusCounters& in, std::size_t num_commands) {
+  const ProxyCounters& c = core.counters();
+  std::string text = "steps " + std::to_string(core.current_step() - 1) + "  frames read " +
+                     std::to_string(c.received) + "  passed " + std::to_string(c.passed) +
+                     "  altered " + std::to_string(c.altered) + "  dropped " +
+                     std::to_string(c.dropped) + "  injected " + std::to_string(c.injected) +
+                     "  duplicated " + std::to_string(c.duplicated) + "  written " +
+                     std::to_string(c.sent) + '\n';
+  if (num_commands > 0) text += "commands forged " + std::to_string(num_commands) + '\n';
+  if (in.refused + in.error_frames > 0) {
+    text += "left out: " + std::to_string(in.refused) + " broken lines, " +
+            std::to_string(in.error_frames) + " error frames\n";
+  }
+  if (c.received > 0 && core.current_step() == 1) {
+    text += "no tick of the scenario was among the frames: all of them count as step 1\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string attack_offline(const Experiment& experiment, const OfflineAttack& files) {
+  if (files.in.empty() || files.out.empty())
+    throw UsageError("--in, a recording, needs --out, a new file, and the other way round");
+  const std::unique_ptr<CanBus> in = open_can_bus("candump:" + files.in);
+  const std::unique_ptr<CanBus> out = open_log(files.out);
+  const std::unique_ptr<CanBus> commands =
+      files.commands.empty() ? nullptr : open_log(files.commands);
+  TruthFile truth(files.truth);
+  ProxyCore core = experiment.make_proxy(0);
+  ProxyOutput output;
+  std::array<CanFrame, 64> batch;
+  std::size_t num_commands = 0;
+  for (std::size_t count = batch.size(); count > 0;) {
+    count = in->read(batch);
+    for (std::size_t i = 0; i < count; ++i) {
+      output.clear();
+      core.on_frame(batch[i], output);
+      stamp(output.frames, batch[i].receive_time_ns);
+      stamp(output.commands, batch[i].receive_time_ns);
+      out->write(output.frames);
+      if (commands) commands->write(output.commands);
+      num_commands += output.commands.size();
+      truth.write(output.records, core.rules());
+      truth.write(output.command_records, core.rules());
+    }
+  }
+  truth.finish();
+  return summary(core, in->counters(), num_commands);
+}
+
+}  // namespace holdfast
