@@ -221,6 +221,16 @@ void read_inject(ConfigurationMap& map, const std::string& folder, AttackRule& r
     rule.counter_signal = layout.command.step_signal;
     rule.counter_offset = kLeadSteps;
     map.read("lead_steps", rule.counter_offset, {-1e9, 1e9});
+    if (std::find(rule.signals.begin(), rule.signals.end(), rule.counter_signal) !=
+        rule.signals.end()) {
+      map.problem(map.has("signals") ? "signals" : "signal",
+                  "'" + rule.counter_signal + "' is what lead_steps says");
+    }
+    if (std::find(rule.signals.begin(), rule.signals.end(), layout.command.mode_signal) ==
+        rule.signals.end()) {
+      map.problem("action", "a forged command needs its mode: mode, or signal '" +
+                                layout.command.mode_signal + "'");
+    }
     return;
   }
   rule.counter_signal = layout.counter_signal;

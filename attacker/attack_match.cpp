@@ -112,6 +112,8 @@ void read_payload(ConfigurationMap map, PayloadMatch& payload) {
   map.read("at", payload.at, {0.0, CanFrame::kBytesMax - 1.0});
   read_bytes("value", payload.value);
   payload.mask.assign(payload.value.size(), 0xFF);
+  if (static_cast<std::size_t>(payload.at) + payload.value.size() > CanFrame::kBytesMax)
+    map.problem("at", "lies so far back that no frame has all these bytes");
   if (!map.has("mask")) return;
   read_bytes("mask", payload.mask);
   if (payload.mask.size() != payload.value.size()) {
@@ -173,6 +175,10 @@ Messages read_match(ConfigurationMap map, AttackMatch& match, const FrameLayout&
                    {"fd", AttackMatch::Type::kFd}});
   if (map.has("payload")) read_payload(map.map("payload"), match.payload);
   const Messages selected = selected_messages(match, layout);
+  if (selected.empty() && !match.messages.empty() && match.identifier &&
+      match.messages.size() == match.message_keys.size()) {
+    map.problem("identifier", "is that of none of the messages: the rule could never act");
+  }
   const bool has_bound = map.has("at_least") || map.has("at_most");
   if (map.has("signal") || has_bound) {
     map.read("signal", match.signal);

@@ -170,8 +170,13 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std:
   read_action_name(map, rule.action);
   ConfigurationMap match_map = map.map("match");
   const Messages selected = read_match(match_map, rule.match, layout);
-  if (rule.action == Action::kInject && !rule.match.signal.empty()) {
-    match_map.problem("signal", "an injection compares nothing: there is no frame yet");
+  const std::pair<const char*, bool> compared[] = {
+      {"signal", !rule.match.signal.empty()},
+      {"type", rule.match.type != AttackMatch::Type::kAny},
+      {"payload", !rule.match.payload.value.empty()}};
+  for (const auto& [key, is_compared] : compared) {
+    if (rule.action == Action::kInject && is_compared)
+      match_map.problem(key, "an injection compares nothing: there is no frame yet");
   }
   read_direction(match_map, layout, rule);
   rule.window.read(map.map("window"));

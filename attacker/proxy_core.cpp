@@ -113,7 +113,9 @@ void ProxyCore::move_chain(std::uint32_t rule, const DrawPlace& place) {
 // Whether the rule acts on a frame on which it may: in its turn, and by its draw.
 bool ProxyCore::decides(const RuleCandidate& candidate, const DrawPlace& place, double& draw) {
   const AttackRule& rule = rules_[candidate.rule];
-  if (++acts_[candidate.rule].chances % rule.every != 0) return false;
+  std::int64_t& chances = acts_[candidate.rule].chances;
+  if (rule.action != AttackRule::Action::kInject) ++chances;
+  if (chances % rule.every != 0) return false;
   if (rule.chain && !is_by_step(rule)) move_chain(candidate.rule, place);
   draw = decision_draw(rule, streams_[candidate.rule], place);
   if (!rule.chain) return draw < rule.probability;
@@ -325,7 +327,7 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
   if (!is_touched) {
     ++way.counters.passed;
     ++way.counters.sent;
-    return send_copies(frame, rx_index, place, way);
+    return send_copies(frame, rx_index, place, is_saturated, way);
   }
   AttackRecord& record = way.records.back();
   record.direction = way.direction;
@@ -343,13 +345,13 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
     record.tx_index = way.counters.sent++;
     record.forwarded = forwarded;
     record.is_saturated = is_saturated;
-    send_copies(frame, rx_index, place, way);
+    send_copies(frame, rx_index, place, is_saturated, way);
   }
 }
 
 // Of the frame that was sent last, behind it.
 void ProxyCore::send_copies(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
-                            Way way) {
+                            bool is_saturated, Way way) {
   for (const Copies& wanted : copies_) {
     for (int i = 0; i < rules_[wanted.rule].copies; ++i) {
       const CanFrame copy = way.frames.back();
@@ -363,6 +365,7 @@ void ProxyCore::send_copies(const CanFrame& frame, std::int64_t rx_index, const 
       record.tx_index = way.counters.sent++;
       record.draw_index = place.index;
       record.draw = wanted.draw;
+      record.is_saturated = is_saturated;
       record.original = frame;
       record.forwarded = copy;
       way.frames.push_back(copy);
@@ -371,9 +374,18 @@ void ProxyCore::send_copies(const CanFrame& frame, std::int64_t rx_index, const 
   }
 }
 
+// An injection has one chance a step, whatever the number of its messages.
+void ProxyCore::count_chance(std::uint32_t rule) {
+  Acts& acts = acts_[rule];
+  if (is_open_[rule] == 0 || acts.last_chance == step_) return;
+  acts.last_chance = step_;
+  ++acts.chances;
+}
+
 void ProxyCore::end_step(ProxyOutput& out) {
   for (const RuleCandidate& candidate : table_.injections()) {
     const AttackRule& rule = rules_[candidate.rule];
+    count_chance(candidate.rule);
     if (is_open_[candidate.rule] == 0 || acts_[candidate.rule].count >= rule.times ||
         !is_due_in_step(rule)) {
       continue;

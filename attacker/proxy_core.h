@@ -131,7 +131,8 @@ class ProxyCore {
   // cleared between frames.
   struct Acts {
     std::int64_t count = 0, last_rx_index = -1, last_step = -1;
-    std::int64_t chances = 0;  // frames on which it might have acted
+    std::int64_t chances = 0;  // frames on which it might have acted, steps of an injection
+    std::int64_t last_chance = -1;
   };
   // Copies that a rule wants of the frame that passes.
   struct Copies {
@@ -157,8 +158,10 @@ class ProxyCore {
   void meet_rules(const CanFrame& frame, std::int64_t rx_index, std::span<const RuleCandidate> list,
                   const DrawPlace& place, Way way);
   const FrameProtection* protection_of(const CanFrame& frame) const;
-  void send_copies(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place, Way way);
+  void send_copies(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
+                   bool is_saturated, Way way);
   void move_chain(std::uint32_t rule, const DrawPlace& place);
+  void count_chance(std::uint32_t rule);
   bool decides(const RuleCandidate& candidate, const DrawPlace& place, double& draw);
   bool is_open(const RuleCandidate& candidate, std::int64_t step) const;
   bool can_act(const RuleCandidate& candidate, const CanFrame& frame) const;

@@ -18,7 +18,9 @@ using Complex = std::complex<double>;
 // A zero that is found by a square part of the system matrix must be one of the whole.
 constexpr double kZeroTolerance = 1e-7;
 constexpr double kInfinite = 1e-8;  // eigenvalues of the inverse below this part of its norm
-constexpr double kSameZero = 1e-4;  // repeated zeros are found to the root of the precision
+// A zero of multiplicity m is found to the m-th root of the precision only.
+constexpr double kSameZero = 0.03;
+constexpr std::uint32_t kNumParts = 5;  // random square parts that must agree
 constexpr double kPencilTolerance = 1e-10;
 constexpr double kNoValue = std::numeric_limits<double>::quiet_NaN();
 
@@ -91,21 +93,57 @@ std::vector<Complex> candidates(const SystemModel& mode, const Eigen::MatrixXd& 
   return zeros;
 }
 
+bool is_zero(const SystemModel& mode, const Eigen::MatrixXd& GH, Complex z) {
+  const ExtremeValues values = singular_values_at(mode, GH, z);
+  return values.smallest <= kZeroTolerance * values.largest;
+}
+
+bool is_near(Complex a, Complex b) {
+  return std::abs(a - b) <= kSameZero * std::max(1.0, std::abs(a));
+}
+
+// Rounding spreads a repeated zero over a circle, whose centre is the zero again.
+void centre_repeated(const SystemModel& mode, const Eigen::MatrixXd& GH,
+                     std::vector<Complex>& zeros) {
+  std::vector<char> is_done(zeros.size(), 0);
+  for (std::size_t i = 0; i < zeros.size(); ++i) {
+    if (is_done[i] != 0) continue;
+    std::vector<std::size_t> circle;
+    Complex sum = 0.0;
+    for (std::size_t j = i; j < zeros.size(); ++j) {
+      if (is_done[j] != 0 || !is_near(zeros[i], zeros[j])) continue;
+      circle.push_back(j);
+      sum += zeros[j];
+    }
+    const Complex centre = sum / static_cast<double>(circle.size());
+    if (circle.size() < 2 || !is_zero(mode, GH, centre)) continue;
+    for (const std::size_t j : circle) {
+      zeros[j] = centre;
+      is_done[j] = 1;
+    }
+  }
+}
+
 // A zero of the whole is found by every square part; what rounding makes of infinity is not.
 std::vector<Complex> invariant_zeros(const SystemModel& mode, const Eigen::MatrixXd& GH) {
   std::vector<Complex> zeros;
-  std::vector<Complex> others = candidates(mode, GH, 1);
+  std::vector<std::vector<Complex>> others;
+  for (std::uint32_t part = 1; part < kNumParts; ++part)
+    others.push_back(candidates(mode, GH, part));
   for (const Complex z : candidates(mode, GH, 0)) {
-    const auto other = std::min_element(others.begin(), others.end(), [z](Complex a, Complex b) {
-      return std::abs(a - z) < std::abs(b - z);
-    });
-    const double near = kSameZero * std::max(1.0, std::abs(z));
-    if (other == others.end() || std::abs(*other - z) > near) continue;
-    const ExtremeValues values = singular_values_at(mode, GH, z);
-    if (values.smallest > kZeroTolerance * values.largest) continue;
-    others.erase(other);
+    std::vector<std::vector<Complex>::iterator> found;
+    for (std::vector<Complex>& part : others) {
+      const auto nearest = std::min_element(part.begin(), part.end(), [z](Complex a, Complex b) {
+        return std::abs(a - z) < std::abs(b - z);
+      });
+      if (nearest == part.end() || !is_near(z, *nearest)) break;
+      found.push_back(nearest);
+    }
+    if (found.size() < others.size() || !is_zero(mode, GH, z)) continue;
+    for (std::size_t part = 0; part < others.size(); ++part) others[part].erase(found[part]);
     zeros.push_back(z);
   }
+  centre_repeated(mode, GH, zeros);
   std::sort(zeros.begin(), zeros.end(), [](Complex a, Complex b) {
     if (std::abs(std::abs(a) - std::abs(b)) > 1e-12) return std::abs(a) > std::abs(b);
     return a.imag() > b.imag();

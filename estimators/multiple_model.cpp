@@ -142,7 +142,7 @@ void MultipleModel::publish(std::int64_t step) {
     hypothesis.mean = bank_.filter(j).mean();
     hypothesis.covariance = bank_.filter(j).covariance();
   }
-  if (tells_attack_) estimate_.attack_probability = std::min(1.0, attacked);
+  if (tells_attack_ && weighs_modes) estimate_.attack_probability = std::min(1.0, attacked);
   if (output_ == MultipleModelOptions::Output::kMixture) mix();
 }
 

@@ -35,6 +35,7 @@ void read_mode_changes(ConfigurationMap& map, const ModeSet& modes,
       entry.problem("mode",
                     "'" + name + "' is none of the plant's modes: " + name_list(modes.names()));
     }
+    entry.require("from_step");
     entry.read("from_step", change.from_step, {1.0, 1e9});
     if (!changes.empty() && change.from_step <= changes.back().from_step) {
       entry.problem("from_step", "must lie after that of the change before");

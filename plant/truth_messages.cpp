@@ -1,6 +1,7 @@
 #include "plant/truth_messages.h"
 
 #include <holdfast/attack_signal_t.hpp>
+#include <holdfast/known_input_t.hpp>
 #include <holdfast/truth_t.hpp>
 
 namespace holdfast {
@@ -25,6 +26,16 @@ void to_message(const AttackSignal& signal, std::int64_t step, std::int64_t utim
   message.name = signal.name;
   message.num_values = static_cast<std::int32_t>(signal.value.size());
   message.value = signal.value;
+}
+
+bool to_message(const Eigen::VectorXd& input, std::int64_t step, std::int64_t utime,
+                known_input_t& message) {
+  if (input.size() == 0) return false;
+  message.utime = utime;
+  message.step = step;
+  message.num_inputs = static_cast<std::int32_t>(input.size());
+  message.input.assign(input.begin(), input.end());
+  return true;
 }
 
 }  // namespace holdfast

@@ -36,8 +36,9 @@ void AttackerProcess::set_state(ProcessState state) {
 
 int AttackerProcess::end_status(CanBus& from, CanBus& to) const {
   const BusCounters &at_sensors = from.counters(), &at_monitor = to.counters();
-  const std::int64_t lost =
-      at_sensors.kernel_dropped + at_sensors.write_dropped + at_monitor.write_dropped;
+  const std::int64_t lost = at_sensors.kernel_dropped + at_sensors.write_dropped +
+                            at_monitor.write_dropped +
+                            (has_commands() ? at_monitor.kernel_dropped : 0);
   const bool balances = core_.counters().balance() && core_.command_counters().balance();
   if (lost > 0) std::cerr << "holdfast-attacker: " << lost << " frames were lost" << std::endl;
   if (!balances) std::cerr << "holdfast-attacker: frames are not accounted for" << std::endl;
@@ -57,10 +58,19 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
     }
     const std::size_t count = is_last ? from.read(batch_) : from.read_waiting(batch_);
     out_.clear();
-    for (std::size_t i = 0; i < count && !is_finished(); ++i) core_.on_frame(batch_[i], out_);
+    for (std::size_t i = 0; i < count && !is_finished(); ++i) forward(batch_[i]);
     send(from, to);
     if (count == 0 || is_last || is_finished()) return;
   }
+}
+
+void AttackerProcess::forward(const CanFrame& frame) {
+  const std::size_t num_commands = out_.commands.size();
+  core_.on_frame(frame, out_);
+  if (!is_finished()) return;
+  // The plant ends with its last step: nobody is there to obey what is forged when that ends.
+  commands_after_end_ += static_cast<std::int64_t>(out_.commands.size() - num_commands);
+  out_.commands.resize(num_commands);
 }
 
 void AttackerProcess::on_monitor_readable(CanBus& from, CanBus& to) {
@@ -123,9 +133,10 @@ void AttackerProcess::publish_status(CanBus& from, CanBus& to) {
       {"commands_dropped", commands.dropped},
       {"commands_injected", commands.injected},
       {"commands_duplicated", commands.duplicated},
-      {"bus_kernel_dropped", rx.kernel_dropped},
-      {"bus_refused", rx.refused},
-      {"bus_write_dropped", tx.write_dropped},
+      {"commands_after_end", commands_after_end_},
+      {"bus_kernel_dropped", rx.kernel_dropped + (has_commands() ? tx.kernel_dropped : 0)},
+      {"bus_refused", rx.refused + (has_commands() ? tx.refused : 0)},
+      {"bus_write_dropped", rx.write_dropped + tx.write_dropped},
       {"bus_error_frames", rx.error_frames + tx.error_frames},
       {"bus_times_down", rx.times_down + tx.times_down}};
   for (const auto& [name, value] : values) status_->counter(name) = value;

@@ -38,6 +38,7 @@ class AttackerProcess {
   void flush_record();
 
  private:
+  void forward(const CanFrame& frame);
   void send(CanBus& from, CanBus& to);
   void record(const std::vector<AttackRecord>& records);
 
@@ -48,6 +49,7 @@ class AttackerProcess {
   ProxyCore core_;
   std::array<CanFrame, 64> batch_;
   ProxyOutput out_;
+  std::int64_t commands_after_end_ = 0;  // forged, but not sent any more
   std::int64_t recorded_step_ = 1;
   attack_frame_t attack_frame_;
   attack_signal_t attack_signal_;

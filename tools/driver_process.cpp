@@ -38,7 +38,7 @@ void DriverProcess::close_step(CanBus& bus) {
 
 void DriverProcess::send_commands(CanBus& bus) {
   for (const OperatorCommand& command : experiment_.commands) {
-    if (command.after_step != set_.step) continue;
+    if (command.after_step != set_.step || is_finished()) continue;
     const CanFrame frame = command_codec_.encode(command.change);
     status_.counter("commands_sent") += static_cast<std::int64_t>(bus.write({&frame, 1}));
   }

@@ -216,10 +216,11 @@ class Launcher {
       members_->start("driver",
                       command("holdfast-can-driver", owned({"--bus", network_.monitor_bus})),
                       Role::kOurs);
-      members_->start("attacker",
-                      command("holdfast-attacker",
-                              owned({"--from", network_.sensor_bus, "--to", network_.monitor_bus})),
-                      Role::kOurs);
+      members_->start(
+          "attacker",
+          command("holdfast-attacker", owned({"--ignore-losses", "--from", network_.sensor_bus,
+                                              "--to", network_.monitor_bus})),
+          Role::kOurs);
     }
     for (const EstimatorEntry& entry : experiment_.estimators) {
       if (entry.is_outside()) {

@@ -284,6 +284,13 @@ class Reviewer {
           std::clamp<std::int64_t>(process.counter("lcm_refused"), 0, kCountMax);
     }
     add_loss("monitor bus", "sent by the attacker, not read by the driver", review_.frames.lost);
+    const ProcessReview *attacker = process_with("commands_sent"),
+                        *plant = process_with("commands");
+    if (attacker != nullptr && plant != nullptr) {
+      add_loss("sensor bus", "commands sent by the attacker, not read by the plant",
+               attacker->counter("commands_sent") - plant->counter("commands") -
+                   attacker->counter("commands_after_end"));
+    }
     for (const auto& [channel, trouble] : trace_.troubles) {
       review_.refused_in_log += trouble.num_refused();
       add_loss("log", "missing on " + channel, trouble.missing_seq);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <optional>
 
 #include "common/subsets.h"
 
@@ -27,15 +28,17 @@ void find_bad_sets(ModeCheck& check) {
   check.correctable_most = -1;
   const auto num_topologies = static_cast<double>(check.modes.topologies.size());
   int searched = largest;
+  check.is_cut = false;
   while (searched > check.attacked_most &&
          num_topologies * num_sets(check.num_channels, searched) > ModeCheck::kSetsMax) {
     --searched;
   }
+  check.is_cut = searched < largest;
   if (num_topologies * num_sets(check.num_channels, searched) > ModeCheck::kSetsMax) return;
   std::vector<int> channels(static_cast<std::size_t>(check.num_channels));
   std::iota(channels.begin(), channels.end(), 0);
   int smallest_bad = std::min(check.num_channels, check.num_sensors) + 1;
-  for (int size = 1; size <= std::max(searched, check.attacked_most); ++size) {
+  for (int size = 0; size <= std::max(searched, check.attacked_most); ++size) {
     for (std::size_t t = 0; t < check.modes.topologies.size(); ++t) {
       for_each_subset(channels, static_cast<std::size_t>(size), [&](const std::vector<int>& set) {
         const std::string& topology = check.modes.topology_names[t];
@@ -44,13 +47,14 @@ void find_bad_sets(ModeCheck& check) {
         });
         if (is_known) return;
         ModeTheory theory = analyse_mode(check.modes.topologies[t].with_attack_channels(set));
-        if (theory.is_correctable()) return;
+        if (size == 0 ? theory.is_strongly_detectable() : theory.is_correctable()) return;
         smallest_bad = std::min(smallest_bad, size);
         if (size <= check.attacked_most) check.bad_sets.push_back({topology, set, theory});
       });
     }
   }
-  check.correctable_most = std::min(smallest_bad - 1, searched);
+  check.correctable_most = std::max(0, std::min(smallest_bad - 1, searched));
+  check.is_cut = check.is_cut && smallest_bad > searched;
 }
 
 void find_protecting(ModeCheck& check) {
@@ -75,11 +79,12 @@ void count_models(ModeCheck& check) {
 }
 
 // The same topology with the channels of both modes: if that is not strongly detectable, some
-// attack in the one looks like some attack in the other for ever.
-bool are_distinguishable(const ModeSet& modes, int one, int other) {
+// attack in the one looks like some attack in the other for ever. None for two topologies, where
+// that is no question of zeros of one of them.
+std::optional<bool> are_distinguishable(const ModeSet& modes, int one, int other) {
   const PlantMode& a = modes.modes[static_cast<std::size_t>(one)];
   const PlantMode& b = modes.modes[static_cast<std::size_t>(other)];
-  if (a.topology != b.topology) return true;  // told by the divergences
+  if (a.topology != b.topology) return std::nullopt;
   std::vector<int> together;
   std::set_union(a.channels.begin(), a.channels.end(), b.channels.begin(), b.channels.end(),
                  std::back_inserter(together));
@@ -137,6 +142,26 @@ void compare_pairs(const SystemSetup& system, const ModeCheckOptions& options, M
   }
 }
 
+// What "the scenario's attacks" are not: only signals that the plant applies in the steps that are
+// looked at, a walk at its start.
+void note_what_is_left_out(const Experiment& experiment, const SystemSetup& system,
+                           const ModeCheckOptions& options, ModeCheck& check) {
+  if (check.pairs.empty()) return;
+  const double step_s = system.model().step_s;
+  bool begins_later = false, walks = false;
+  for (const ChannelSignal& signal : system.options.signal_attacks) {
+    begins_later = begins_later || signal.window.first(step_s) > options.num_steps;
+    walks = walks || signal.waveform.kind == Waveform::Kind::kRandomWalk;
+  }
+  if (begins_later) {
+    check.notes.push_back("attacks that begin after step " + std::to_string(options.num_steps) +
+                          " are not in the comparison: use a larger --steps");
+  }
+  if (walks) check.notes.push_back("random walks stand at their start in the comparison");
+  if (experiment.has_bus() && !experiment.rules.empty())
+    check.notes.push_back("what rules do to frames on the bus is not in the comparison");
+}
+
 }  // namespace
 
 ModeCheck check_modes(const Experiment& experiment, const ModeCheckOptions& options) {
@@ -170,6 +195,9 @@ ModeCheck check_modes(const Experiment& experiment, const ModeCheckOptions& opti
   const bool exists = std::ranges::all_of(
       check.theory, [](const ModeTheory& mode) { return mode.undetermined_inputs.empty(); });
   if (exists) compare_pairs(*system, options, check);
+  if (!exists && check.modes.modes.size() > 1)
+    check.notes.push_back("modes were not compared in pairs: some of them have no filter");
+  note_what_is_left_out(experiment, *system, options, check);
   return check;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,7 +34,8 @@ struct ModeCheck {
   struct Pair {
     int truth = 0, rival = 0;
     // Whether attacks in both modes can be told apart at all: their channels together correctable.
-    bool is_distinguishable = true;
+    // Not known for modes of two topologies.
+    std::optional<bool> is_distinguishable;
     ModeDivergence attacked, quiet;  // with the scenario's attacks; with none
   };
 
@@ -42,6 +44,8 @@ struct ModeCheck {
   int num_channels = 0, num_sensors = 0;  // l
   int attacked_most = 0;
   int correctable_most = 0;  // largest p such that any p channels are correctable; -1: not known
+  bool is_cut = false;       // larger sets may be correctable, too: they are too many to look at
+  std::vector<std::string> notes;  // of what the numbers leave out
   std::vector<BadSet>
       bad_sets;  // of at most attacked_most channels, smallest first, none in another
   std::vector<int> protecting;  // single channels without which no bad set is left

@@ -46,6 +46,11 @@ std::string in_topology(const ModeCheck& check, const std::string& topology) {
 }
 
 std::string bad_text(const ModeCheck& check, const BadSet& bad) {
+  if (bad.channels.empty()) {
+    return "the plant" + in_topology(check, bad.topology) +
+           " cannot be followed even while nothing is attacked: zero at " +
+           zero_text(bad.theory.zeros.empty() ? 0.0 : bad.theory.zeros.front());
+  }
   const std::string names = names_of(check, bad.channels);
   const std::string can =
       bad.channels.size() == 1 ? " cannot be attacked" : " cannot be attacked together";
@@ -148,11 +153,36 @@ void warn_of_confusion(const ModeCheck& check, int truth, ModeDivergence ModeChe
                      number(-(worst->*which).per_step()) + " per step)");
 }
 
+// Modes that no set of at most attacked_most channels has warned of.
+void warn_of_modes(const ModeCheck& check, std::vector<std::string>& warnings) {
+  for (std::size_t i = 0; i < check.modes.modes.size(); ++i) {
+    const PlantMode& mode = check.modes.modes[i];
+    const std::string& topology =
+        check.modes.topology_names[static_cast<std::size_t>(mode.topology)];
+    const bool is_told = std::ranges::any_of(check.bad_sets, [&](const BadSet& bad) {
+      return bad.topology == topology && std::ranges::includes(mode.channels, bad.channels);
+    });
+    if (is_told || check.theory[i].is_correctable()) continue;
+    warnings.push_back("mode " + mode.name + ": " +
+                       bad_text(check, {topology, mode.channels, check.theory[i]}));
+  }
+  const bool differ = std::ranges::any_of(check.modes.modes, [&](const PlantMode& mode) {
+    return mode.channels.size() != check.modes.modes.front().channels.size();
+  });
+  if (differ && check.likelihood != InputLikelihood::kEvidence) {
+    warnings.push_back(
+        "modes with different numbers of attacked channels were compared by the likelihood '" +
+        std::string(likelihood_name(check.likelihood)) +
+        "', which depends on the units of the readings: use evidence");
+  }
+}
+
 }  // namespace
 
 std::vector<std::string> warnings_of(const ModeCheck& check) {
   std::vector<std::string> warnings;
   for (const BadSet& bad : check.bad_sets) warnings.push_back(bad_text(check, bad));
+  warn_of_modes(check, warnings);
   if (check.attacked_most >= check.num_sensors && check.modes.modes.size() > 1) {
     warnings.push_back(
         "as many signals may be attacked as there are readings: nothing is left to "
@@ -166,7 +196,7 @@ std::vector<std::string> warnings_of(const ModeCheck& check) {
     if (is_first && (std::isnan(pair.quiet.per_step()) || std::isnan(pair.attacked.per_step()))) {
       warnings.push_back(names + " were not compared: the numbers overflow");
     }
-    if (!pair.is_distinguishable && is_first) {
+    if (pair.is_distinguishable == false && is_first) {
       warnings.push_back(names +
                          " cannot always be told apart: some attack in the one looks like "
                          "one in the other for ever");
@@ -197,7 +227,8 @@ std::string to_text(const ModeCheck& check) {
   } else {
     text += "Any " + std::to_string(check.correctable_most) + " of the " +
             std::to_string(check.num_channels) +
-            " channels at a time are correctable, if the mode is known.\n";
+            " channels at a time are correctable, if the mode is known" +
+            (check.is_cut ? "; larger sets are too many to look at.\n" : ".\n");
   }
   text += "Models needed for any " + std::to_string(check.attacked_most) +
           " channels attacked at most, in each topology: " + number(check.models_needed) +
@@ -208,6 +239,7 @@ std::string to_text(const ModeCheck& check) {
   }
   text += "\n";
   add_pairs(check, text);
+  for (const std::string& note : check.notes) text += "note: " + note + "\n";
   const std::vector<std::string> warnings = warnings_of(check);
   for (const std::string& warning : warnings) text += "warning: " + warning + "\n";
   if (warnings.empty()) text += "No warning.\n";
@@ -240,6 +272,7 @@ std::string to_json(const ModeCheck& check) {
                              {"filter_exists", theory.undetermined_inputs.empty()}});
   }
   json["correctable_most"] = check.correctable_most;
+  json["correctable_most_is_cut"] = check.is_cut;
   json["attacked_most"] = check.attacked_most;
   json["models_needed"] = check.models_needed;
   json["protecting"] = names_json(check.protecting);
@@ -254,11 +287,12 @@ std::string to_json(const ModeCheck& check) {
     json["pairs"].push_back(
         {{"truth", check.modes.modes[static_cast<std::size_t>(pair.truth)].name},
          {"rival", check.modes.modes[static_cast<std::size_t>(pair.rival)].name},
-         {"is_distinguishable", pair.is_distinguishable},
+         {"is_distinguishable", pair.is_distinguishable ? Json(*pair.is_distinguishable) : Json()},
          {"divergence_per_step", finite(pair.attacked.per_step())},
          {"delay_steps", pair.attacked.delay_steps()},
          {"quiet_divergence_per_step", finite(pair.quiet.per_step())}});
   }
+  json["notes"] = check.notes;
   json["warnings"] = warnings_of(check);
   return json.dump(2) + "\n";
 }

@@ -9,6 +9,7 @@
 
 #include "common/errors.h"
 #include "drivers/can/can_bus.h"
+#include "drivers/can/candump_bus.h"
 #include "drivers/can/candump_log.h"
 
 namespace holdfast {
@@ -37,6 +38,16 @@ const char* disposition_name(AttackRecord::Disposition disposition) {
   return "unknown";
 }
 
+// Of all rules that acted on it.
+Json actions_json(const AttackRecord& record) {
+  Json names = Json::array();
+  for (int i = 0; i < 32; ++i) {
+    const auto action = static_cast<AttackRule::Action>(i);
+    if (record.acted(action)) names.push_back(to_string(action));
+  }
+  return names;
+}
+
 Json record_json(const AttackRecord& record, const std::vector<AttackRule>& rules) {
   const AttackRule& rule = rules[record.rule];
   const bool is_command = record.direction == AttackRecord::Direction::kToPlant;
@@ -45,6 +56,7 @@ Json record_json(const AttackRecord& record, const std::vector<AttackRule>& rule
           {"disposition", disposition_name(record.disposition)},
           {"rule", rule.name},
           {"action", to_string(rule.action)},
+          {"actions", actions_json(record)},
           {"class", rule.attack_class},
           {"rx_index", record.rx_index},
           {"tx_index", record.tx_index},
@@ -57,18 +69,24 @@ Json record_json(const AttackRecord& record, const std::vector<AttackRule>& rule
                                    record.disposition != AttackRecord::Disposition::kDropped)}};
 }
 
-std::unique_ptr<CanBus> open_log(const std::string& file) {
+std::unique_ptr<CandumpWriter> open_log(const std::string& file) {
   BusOptions options;
   options.may_write = true;
-  return open_can_bus("candump-write:" + file, options);
+  auto log = std::make_unique<CandumpWriter>(file, options);
+  log->keep_times();
+  return log;
+}
+
+// Nothing is made before all can be.
+void require_new(const std::string& file) {
+  if (!file.empty() && std::filesystem::exists(file))
+    throw UsageError(file + ": exists already; remove it or name another file");
 }
 
 class TruthFile {
  public:
   explicit TruthFile(const std::string& file) : file_(file) {
     if (file.empty()) return;
-    if (std::filesystem::exists(file))
-      throw UsageError(file + ": exists already; remove it or name another file");
     stream_.open(file, std::ios::binary);
     if (!stream_) throw JobError(file + ": cannot be made");
   }
@@ -116,10 +134,10 @@ std::string summary(const ProxyCore& core, const BusCounters& in, std::size_t nu
 std::string attack_offline(const Experiment& experiment, const OfflineAttack& files) {
   if (files.in.empty() || files.out.empty())
     throw UsageError("--in, a recording, needs --out, a new file, and the other way round");
+  for (const std::string& file : {files.out, files.truth, files.commands}) require_new(file);
   const std::unique_ptr<CanBus> in = open_can_bus("candump:" + files.in);
-  const std::unique_ptr<CanBus> out = open_log(files.out);
-  const std::unique_ptr<CanBus> commands =
-      files.commands.empty() ? nullptr : open_log(files.commands);
+  const auto out = open_log(files.out);
+  const auto commands = files.commands.empty() ? nullptr : open_log(files.commands);
   TruthFile truth(files.truth);
   ProxyCore core = experiment.make_proxy(0);
   ProxyOutput output;

@@ -57,7 +57,8 @@ bool PlantProcess::advance() {
   } else {
     publish_measurements();
     for (const OperatorCommand& command : experiment_.commands) {
-      if (command.after_step == step.step) obey(command_codec_.encode(command.change));
+      if (command.after_step == step.step && step.step < experiment_.num_steps)
+        obey(command_codec_.encode(command.change));
     }
   }
   status_.set_step(step.step);
@@ -79,12 +80,7 @@ void PlantProcess::publish_truth(const PlantStep& step) {
 }
 
 void PlantProcess::publish_known_input(std::int64_t step) {
-  const Eigen::VectorXd input = experiment_.known_input(step);
-  if (input.size() == 0) return;
-  known_input_.utime = utime_of(step);
-  known_input_.step = step;
-  known_input_.num_inputs = static_cast<std::int32_t>(input.size());
-  known_input_.input.assign(input.begin(), input.end());
+  if (!to_message(experiment_.known_input(step), step, utime_of(step), known_input_)) return;
   link_.publish("KNOWN_INPUT", known_input_);
 }
 
@@ -92,6 +88,10 @@ void PlantProcess::send() {
   status_.counter("frames_sent") += static_cast<std::int64_t>(bus_->write(frames_));
   const BusCounters& bus = bus_->counters();
   status_.counter("bus_write_dropped") = bus.write_dropped;
+  if (experiment_.layout.command.exists()) {
+    status_.counter("bus_kernel_dropped") = bus.kernel_dropped;
+    status_.counter("bus_refused") = bus.refused;
+  }
   status_.counter("bus_times_down") = bus.times_down;
 }
 

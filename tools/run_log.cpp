@@ -5,6 +5,7 @@
 #include <holdfast/attack_signal_t.hpp>
 #include <holdfast/can_frames_t.hpp>
 #include <holdfast/estimate_t.hpp>
+#include <holdfast/known_input_t.hpp>
 #include <holdfast/measurement_set_t.hpp>
 #include <holdfast/run_meta_t.hpp>
 #include <holdfast/truth_t.hpp>
@@ -50,6 +51,7 @@ class RunLog {
       to_message(signal, experiment_.rules, experiment_.step_s(), signal_);
       writer_.write_message("ATTACK_SIGNAL", utime, signal_, "attacker");
     }
+    write_known_input(simulation.truth().step);
     write_records(simulation.attack_records());
     write_records(simulation.command_records());
     if (experiment_.record_frames) write_commands(simulation.commands());
@@ -79,6 +81,11 @@ class RunLog {
       // The log's time is when something was said; the estimate's own is when it holds.
       writer_.write_message(one.channel, utime_, estimate_);
     };
+  }
+
+  void write_known_input(std::int64_t step) {
+    if (!to_message(experiment_.known_input(step), step, utime_, known_input_)) return;
+    writer_.write_message("KNOWN_INPUT", utime_, known_input_);
   }
 
   void write_records(const std::vector<AttackRecord>& records) {
@@ -118,6 +125,7 @@ class RunLog {
   LogWriter& writer_;
   truth_t truth_;
   attack_signal_t signal_;
+  known_input_t known_input_;
   attack_frame_t attack_;
   can_frames_t frames_;
   measurement_set_t measurement_;

@@ -59,7 +59,7 @@ void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
 // the next step, since a simulated bus takes none.
 void Simulation::pass_commands() {
   for (const OperatorCommand& command : experiment_.commands) {
-    if (command.after_step != step_) continue;
+    if (command.after_step != step_ || step_ == experiment_.num_steps) continue;
     const CanFrame frame = command_codec_.encode(command.change);
     if (experiment_.has_bus()) {
       proxy_.on_monitor_frame(frame, sent_);
@@ -68,6 +68,8 @@ void Simulation::pass_commands() {
     }
   }
   command_outcomes_ = {};
+  // Nobody is there any more to obey: the plant ends with its last step.
+  if (step_ == experiment_.num_steps) sent_.commands.clear();
   for (const CanFrame& frame : sent_.commands) {
     const std::optional<ModeChange> command = command_codec_.decode(frame);
     const CommandOutcome outcome = command ? plant_->obey(*command) : CommandOutcome::kRefused;

@@ -125,6 +125,12 @@ std::optional<double> probability_of_rule(ConfigurationMap& map, const char* key
     }
     found = &rule;
   }
+  if (found != nullptr &&
+      (found->chain || found->every != 1 || found->times != AttackRule().times)) {
+    map.problem(key, "cannot be the same as rule '" + found->name +
+                         "', which does not act with one probability; give a number");
+    return std::nullopt;
+  }
   // Where nothing acts, nothing is believed: a sweep may leave a rule out.
   return found == nullptr ? 0.0 : found->probability;
 }

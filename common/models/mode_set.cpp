@@ -142,6 +142,11 @@ void ModeSet::generate(ConfigurationMap map) {
     }
   }
   if (modes.empty()) map.problem("topologies", "leave no mode");
+  std::set<std::string> names;
+  for (const PlantMode& mode : modes) {
+    if (!names.insert(mode.name).second)
+      map.problem("among", "makes two modes called '" + mode.name + "': list them under modes");
+  }
 }
 
 }  // namespace holdfast

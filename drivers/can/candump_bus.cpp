@@ -61,7 +61,8 @@ std::size_t CandumpWriter::write(std::span<const CanFrame> frames) {
       continue;
     }
     record.frame = frame;
-    record.time_ns = frame.receive_time_ns > 0 ? frame.receive_time_ns : wall_utime() * 1000;
+    record.time_ns =
+        frame.receive_time_ns > 0 || keeps_times_ ? frame.receive_time_ns : wall_utime() * 1000;
     stream_ << format_candump_line(record) << '\n';
     ++num_written;
   }

@@ -42,12 +42,14 @@ class CandumpWriter : public CanBus {
   /// Throws JobError when the file cannot take more. Frames that are not valid are dropped,
   /// counted.
   std::size_t write(std::span<const CanFrame> frames) override;
+  /// A frame without a stamp is written at time 0 from now on, not with the wall clock's time.
+  void keep_times() { keeps_times_ = true; }
   bool at_end() const override { return true; }
   const BusCounters& counters() override { return counters_; }
 
  private:
   std::string file_;
-  bool may_write_;
+  bool may_write_, keeps_times_ = false;
   std::ofstream stream_;
   BusCounters counters_;
 };

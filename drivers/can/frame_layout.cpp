@@ -201,6 +201,14 @@ class LayoutCheck {
         used.push_back(counter);
       }
     }
+    const auto is_multiplexed = [](const DbcSignal* signal) {
+      return signal->multiplexing == DbcSignal::Multiplexing::kMultiplexed;
+    };
+    const DbcSignal* selector = message.selector();
+    if (selector != nullptr && std::any_of(used.begin(), used.end(), is_multiplexed) &&
+        std::find(used.begin(), used.end(), selector) == used.end()) {
+      used.push_back(selector);
+    }
     const std::string overlapping = overlapping_signal(used, layout_.find_protection(message.name));
     if (overlapping.empty()) return;
     problem("signals", "'" + overlapping + "' of message '" + message.name +
@@ -252,6 +260,8 @@ void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
     ConfigurationMap command_map = map.map("command");
     command_map.require("message");
     command_map.read("message", command.message);
+    if (command_map.has("message") && command.message.empty())
+      command_map.problem("message", "must not be empty; leave command out where there is none");
     command_map.read("mode", command.mode_signal);
     command_map.read("step", command.step_signal);
   }
@@ -264,7 +274,7 @@ void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
     return;
   }
   dbc = parse_dbc(text);
-  protection = read_protection(map, dbc);
+  protection = read_protection(map, dbc, messages);
   report_dbc_problems(dbc, name, map);
   LayoutCheck check(*this, map);
   check.check_tick(tick);

@@ -1,6 +1,8 @@
 #include "drivers/can/frame_protection.h"
 
+#include <algorithm>
 #include <boost/crc.hpp>
+#include <cmath>
 #include <set>
 
 namespace holdfast {
@@ -48,7 +50,10 @@ void read_kind(ConfigurationMap& map, FrameProtection& protection) {
       map.require("data_ids");
       map.read("data_ids", ids, kNumDataIds, {0.0, 255.0});
       ids.resize(kNumDataIds, 0.0);
-      for (const double id : ids) protection.data_ids.push_back(static_cast<std::uint8_t>(id));
+      for (const double id : ids) {
+        if (id != std::floor(id)) map.problem("data_ids", "must be whole numbers");
+        protection.data_ids.push_back(static_cast<std::uint8_t>(id));
+      }
       break;
     }
     case Kind::kE2eProfile5:
@@ -132,7 +137,8 @@ std::vector<std::uint8_t> FrameProtection::mask(std::size_t num_bytes) const {
   return bits;
 }
 
-std::vector<FrameProtection> read_protection(ConfigurationMap& map, const Dbc& dbc) {
+std::vector<FrameProtection> read_protection(ConfigurationMap& map, const Dbc& dbc,
+                                             const std::vector<std::string>& readings) {
   std::vector<FrameProtection> list;
   std::set<std::string> seen;
   for (ConfigurationMap& entry : map.maps("protection")) {
@@ -144,6 +150,10 @@ std::vector<FrameProtection> read_protection(ConfigurationMap& map, const Dbc& d
     const DbcMessage* message = dbc.find(protection.message);
     if (message == nullptr) {
       entry.problem("message", "'" + protection.message + "' is no message of the DBC");
+      continue;
+    }
+    if (std::find(readings.begin(), readings.end(), protection.message) == readings.end()) {
+      entry.problem("message", "'" + protection.message + "' is none of the network's messages");
       continue;
     }
     if (!seen.insert(protection.message).second)

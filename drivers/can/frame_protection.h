@@ -14,14 +14,13 @@ namespace holdfast {
 ///
 ///   xor         one byte: XOR of all other bytes
 ///   crc8_j1850  one byte: CRC-8 SAE J1850 of all other bytes
-///   e2e_p1      byte 0: CRC-8 SAE J1850 (start 0, not inverted) of the data id, low byte first,
-///   and
-///               all other bytes; low nibble of byte 1: counter 0..14     (E2E profile 1, variant
-///               A)
-///   e2e_p2      byte 0: CRC-8H2F of all other bytes and data_ids[counter]; low nibble of byte 1:
-///               counter 0..15                                            (E2E profile 2)
-///   e2e_p5      two bytes, low one first: CRC-16 CCITT-FALSE of all other bytes and the data id,
-///               low byte first; then a byte with the counter             (E2E profile 5)
+///   e2e_p1      E2E profile 1, variant A. Byte 0: CRC-8 SAE J1850, start 0 and not inverted, of
+///               the data id (low byte first) and all other bytes. Low nibble of byte 1: counter,
+///               0 to 14
+///   e2e_p2      E2E profile 2. Byte 0: CRC-8H2F of all other bytes and data_ids[counter]. Low
+///               nibble of byte 1: counter, 0 to 15
+///   e2e_p5      E2E profile 5. Two bytes, low one first: CRC-16 CCITT-FALSE of all other bytes and
+///               the data id (low byte first). Then a byte with the counter
 /// Profiles as in AUTOSAR's PRS E2E protocol specification.
 struct FrameProtection {
   enum class Kind { kXor, kCrc8J1850, kE2eProfile1, kE2eProfile2, kE2eProfile5 };
@@ -48,6 +47,9 @@ struct FrameProtection {
 };
 
 /// Entries below the list key `protection` of the map. Every problem is reported on it.
-std::vector<FrameProtection> read_protection(ConfigurationMap& map, const Dbc& dbc);
+///
+/// readings: the messages that may be protected.
+std::vector<FrameProtection> read_protection(ConfigurationMap& map, const Dbc& dbc,
+                                             const std::vector<std::string>& readings);
 
 }  // namespace holdfast

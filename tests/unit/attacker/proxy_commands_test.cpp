@@ -234,5 +234,10 @@ TEST_CASE("rules for commands that can do nothing are refused, with a reason") {
   CHECK(breaker_problems("{name: a, " + kBreaker + "action: drop}, {name: r, " + kBreaker +
                          "action: inject, mode: open, given: a}")
             .find("in which step they come by is chance") != std::string::npos);
+  says(kBreaker + "action: inject, signals: [MODE, STEP], value: {value: [1, 30]}",
+       "'STEP' is what lead_steps says");
+  says(kBreaker + "action: inject, signal: STEP, value: {value: 30}", "needs its mode");
+  says("match: {messages: [Breaker], identifier: 0x100}, action: drop",
+       "is that of none of the messages");
   CHECK(breaker_problems("{name: r, " + kBreaker + "action: inject, mode: open}") == "");
 }

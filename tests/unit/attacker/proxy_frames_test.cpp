@@ -118,6 +118,18 @@ TEST_CASE("every n-th frame, however probable") {
   CHECK(std::abs(static_cast<double>(some.size()) - 500.0) < 4.0 * std::sqrt(250.0));
 }
 
+TEST_CASE("every n-th step an injection forges all its messages") {
+  const Outcome outcome = run_proxy(
+      rules_of(rule("match: {messages: [Flag1, Flag2]}, action: inject, every: 2, signal: DETECT, "
+                    "value: {value: 1}")),
+      steps_of(5, [](int) { return std::vector<CanFrame>{}; }));
+  std::vector<std::pair<std::int64_t, std::uint32_t>> forged;
+  for (const AttackRecord& record : outcome.records)
+    forged.emplace_back(record.step, record.forwarded.identifier);
+  CHECK(forged == std::vector<std::pair<std::int64_t, std::uint32_t>>{
+                      {2, 257}, {2, 258}, {4, 257}, {4, 258}});
+}
+
 TEST_CASE("a chain of two states acts in bursts, with the share and length of its law") {
   constexpr int kSteps = 40000;
   for (const std::string draw : {"frame", "step"}) {
@@ -252,6 +264,9 @@ TEST_CASE("what makes no sense of a frame is refused with its reason") {
   says("match: {payload: {value: \"1\"}}, action: drop", "pairs of hexadecimal digits");
   says("match: {payload: {value: \"1122\", mask: \"FF\"}}, action: drop", "as many bytes as value");
   says("match: {type: xl}, action: drop", "none of: any, data, remote, classic, fd");
+  says("match: {payload: {at: 63, value: \"1122\"}}, action: drop", "so far back");
+  says("match: {messages: [Flag1], type: fd}, action: inject, signal: DETECT, value: {value: 1}",
+       "type: an injection compares nothing");
   says("action: bits", "bits needs set, and, or, xor");
   says("action: bits, set: \"0G\"", "pairs of hexadecimal digits");
   says("match: {messages: [Flag1]}, action: bits, at: 2, set: \"0102\"", "has 3 bytes only");

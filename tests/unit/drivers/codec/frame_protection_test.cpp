@@ -125,6 +125,11 @@ TEST_CASE("protection that cannot be is refused with its reason") {
   says("[X]", "{message: Pose, kind: e2e_p5, checksum_at: 6, data_id: 1}", "needs 9 bytes");
   says("[X]", "{message: Pose, kind: e2e_p2, data_ids: [1, 2]}", "data_ids");
   says("[X]", "{message: Pose, kind: e2e_p1}", "data_id: missing");
+  says("[X]", "{message: StepTick, kind: xor, checksum_at: 0}", "none of the network's messages");
+  says(
+      "[X]",
+      "{message: Pose, kind: e2e_p2, data_ids: [0.5, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1]}",
+      "whole numbers");
   says("[X]", "{message: Pose, kind: xor, checksum_at: 3}", "shares bits");
   says("[LOW]", "{message: Pose, kind: e2e_p1, data_id: 1}", "shares bits");
   says("[X]",

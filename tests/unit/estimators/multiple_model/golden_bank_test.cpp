@@ -88,6 +88,15 @@ TEST_CASE("banks of modes that change agree with the vectors") {
             kBankTolerance);
       CHECK(difference(as_vector(bank.probability()), vector_of(wanted.at("mu").at(k))) <=
             kBankTolerance);
+      CHECK(bank.most_probable() == wanted.at("mode").at(k));
+      const InputStateFilter& chosen = bank.filter(bank.most_probable());
+      CHECK(difference(chosen.mean(), vector_of(wanted.at("x").at(k))) <= kBankTolerance);
+      CHECK(difference(chosen.previous_input(), vector_or_none(wanted.at("d").at(k))) <=
+            kBankTolerance);
+      Eigen::VectorXd mixture = Eigen::VectorXd::Zero(chosen.mean().size());
+      for (int j = 0; j < bank.num_modes(); ++j)
+        mixture += bank.probability()[static_cast<std::size_t>(j)] * bank.filter(j).mean();
+      CHECK(difference(mixture, vector_of(wanted.at("xmix").at(k))) <= kBankTolerance);
       for (int j = 0; j < bank.num_modes(); ++j) {
         CHECK(difference(bank.filter(j).mean(),
                          vector_of(wanted.at("xj").at(k).at(static_cast<std::size_t>(j)))) <=

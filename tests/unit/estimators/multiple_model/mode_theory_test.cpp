@@ -2,6 +2,7 @@
 
 #include "estimators/mode_theory.h"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <numeric>
 
@@ -118,6 +119,28 @@ TEST_CASE(
       analyse_mode(model_of(square(0.6, 1.0, 0.0, 0.6), kTwo, 0.0 * kTwo, kTwo));
   REQUIRE(twice.zeros.size() == 2);
   for (const std::complex<double> zero : twice.zeros) CHECK(std::abs(zero - 0.6) < 1e-6);
+}
+
+TEST_CASE("a zero of any multiplicity is found, whatever the coordinates") {
+  for (const double zero : {1.2, 1.0, 0.7}) {
+    for (const int n : {1, 3, 5, 8}) {
+      // A Jordan block whose readings are all attacked: its eigenvalue is a zero n times.
+      Eigen::MatrixXd A = zero * Eigen::MatrixXd::Identity(n, n);
+      if (n > 1) A.diagonal(1).setOnes();
+      const RandomStream stream(7, static_cast<std::uint32_t>(n), "test/rotation");
+      Eigen::MatrixXd random(n, n);
+      for (Eigen::Index i = 0; i < random.size(); ++i)
+        random.data()[i] = stream.normal(1, static_cast<std::uint64_t>(i));
+      const Eigen::MatrixXd Q = Eigen::HouseholderQR<Eigen::MatrixXd>(random).householderQ();
+      const Eigen::MatrixXd I = Eigen::MatrixXd::Identity(n, n);
+      const ModeTheory theory =
+          analyse_mode(model_of(Q * A * Q.transpose(), I, Eigen::MatrixXd::Zero(n, n), I));
+      INFO(zero << ", " << n << " times");
+      CHECK(theory.zeros.size() == static_cast<std::size_t>(n));
+      for (const std::complex<double> z : theory.zeros) CHECK(std::abs(z - zero) < 1e-5);
+      CHECK(theory.is_strongly_detectable() == (zero < 0.99));
+    }
+  }
 }
 
 TEST_CASE("models needed: Theorem 2, and the refined number without sets that others contain") {

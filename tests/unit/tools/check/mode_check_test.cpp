@@ -86,7 +86,7 @@ TEST_CASE("attack locations: zeros, correctable sets and divergences of the meth
   CHECK(check.correctable_most == 5);
   CHECK(check.models_needed == 5.0);
   CHECK(pair_of(check, 0, 2).quiet.per_step() == Approx(-0.0900).margin(5e-4));
-  CHECK(pair_of(check, 0, 2).is_distinguishable);
+  CHECK(pair_of(check, 0, 2).is_distinguishable == true);
   CHECK(warns(check, "while nothing is attacked, mode a123 is taken for mode a134"));
   CHECK_FALSE(warns(check, "under the scenario's attacks"));
 
@@ -112,6 +112,49 @@ TEST_CASE("two sensors that cannot be attacked together, and what protects from 
   CHECK(stable.bad_sets.empty());
   CHECK(stable.correctable_most == 2);
   CHECK(to_text(stable).find("No warning.") != std::string::npos);
+}
+
+TEST_CASE("a plant that nobody can follow is told, attacked or not") {
+  // The second state grows and is not read.
+  const ModeCheck check = check_small("[[0.1, 0], [0, 1.2]]", "[[1, 0], [1, 0]]", kEither);
+  CHECK(warns(check, "cannot be followed even while nothing is attacked: zero at 1.2"));
+  CHECK(check.correctable_most == 0);
+  CHECK(check.protecting.empty());
+  const ModeCheck sound = check_small("[[0.1, 0.3], [0, 0.9]]", "[[1, 0], [1, 0.5]]", kEither);
+  CHECK_FALSE(warns(sound, "cannot be followed"));
+}
+
+TEST_CASE("a mode beyond --attacked-most is judged, too") {
+  ModeCheckOptions options;
+  options.attacked_most = 1;
+  const ModeCheck check = check_small("[[0.1, 1], [0, 1.2]]", "[[1, 0], [0, 1]]", kBoth, options);
+  CHECK(warns(check, "mode b"));
+  CHECK(check.bad_sets.empty());
+}
+
+TEST_CASE("what is not looked at is said") {
+  // The units decide between modes of different sizes, by all but evidence.
+  const ModeCheck sizes =
+      check_small("[[0.5, 0], [0, 0.4]]", "[[1, 0], [0, 1]]",
+                  "modes: [{name: none, channels: []}, {name: l, channels: [left]}]");
+  CHECK(warns(sizes, "use evidence"));
+  ModeCheckOptions evidence;
+  evidence.likelihood = InputLikelihood::kEvidence;
+  CHECK_FALSE(warns(
+      check_small("[[0.5, 0], [0, 0.4]]", "[[1, 0], [0, 1]]",
+                  "modes: [{name: none, channels: []}, {name: l, channels: [left]}]", evidence),
+      "use evidence"));
+  const ModeCheck areas = check_modes(
+      load_experiment(scenario_file("three_area"), {"steps=20", "attacks.0.window.last_step=5000"}),
+      {});
+  const auto notes = [](const ModeCheck& check, const std::string& part) {
+    return std::ranges::any_of(check.notes, [&part](const std::string& note) {
+      return note.find(part) != std::string::npos;
+    });
+  };
+  CHECK(notes(areas, "begin after step 300"));
+  CHECK(notes(areas, "rules do to frames"));
+  CHECK_FALSE(pair_of(areas, 0, 1).is_distinguishable.has_value());
 }
 
 TEST_CASE("equal sensors are alike while nothing is attacked") {

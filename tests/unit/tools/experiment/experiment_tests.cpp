@@ -65,6 +65,18 @@ TEST_CASE("a flip that acts only at times is not tied to a belief without a word
             .empty());
 }
 
+TEST_CASE("an arming rule that acts in bursts is not tied to a belief without a word") {
+  const std::string rules = "attacks=[{name: a, action: arm, ";
+  const std::string same =
+      "estimators=[{name: g, method: gslr, assumes: {attack_probability: same}, "
+      "start: {mean: [200, 200, 15, 15], std: 10}}]";
+  for (const std::string frequency :
+       {"chain: {to_bad: 0.1, to_good: 0.1}", "every: 2", "times: 5"}) {
+    CHECK(mentions(problems_of("turning_target", {rules + frequency + "}]", same}),
+                   "does not act with one probability"));
+  }
+}
+
 TEST_CASE("a flip under a condition is not tied to a belief, an arming rule ties nothing") {
   const std::string armed =
       "attacks=[{name: armed, action: arm, probability: 0.5}, {name: lie, "

@@ -1,6 +1,7 @@
 #include "tools/offline_attack.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <map>
@@ -97,6 +98,7 @@ TEST_CASE("a recording is attacked to the byte as the live bus is, and the truth
   std::map<std::string, int> classes;
   for (const nlohmann::json& line : lines) {
     ++classes[line["class"]];
+    CHECK(line["actions"] == nlohmann::json::array({line["action"]}));
     const auto is_same = [&line, &experiment](const AttackRecord& record) {
       return experiment.rules[record.rule].name == line["rule"] &&
              record.tx_index == line["tx_index"] && record.rx_index == line["rx_index"] &&
@@ -116,7 +118,19 @@ TEST_CASE("a recording is attacked to the byte as the live bus is, and the truth
   CHECK(text_of(again) == text_of(out));
   CHECK(text_of(other) != text_of(out));
   CHECK_THROWS_AS(attack_offline(experiment, {in, out, "", ""}), UsageError);
+  // Nor is anything made when one of the files cannot be.
+  CHECK_THROWS_AS(attack_offline(experiment, {in, folder.file("new.log"), truth, ""}), UsageError);
+  CHECK_FALSE(std::filesystem::exists(folder.file("new.log")));
   CHECK_THROWS_AS(attack_offline(experiment, {in + "x", folder.file("y"), "", ""}), UsageError);
+}
+
+TEST_CASE("a recording that begins at time 0 keeps its times") {
+  const testing::TemporaryFolder folder;
+  const std::string in = folder.file("in.log"), out = folder.file("out.log");
+  std::ofstream(in) << "(0.000000) can0 123#11\n(0.000001) can0 123#12\n";
+  attack_offline(load_experiment(testing::scenario("three_area"), {kSteps, "attacks=[]"}),
+                 {in, out, "", ""});
+  CHECK(text_of(out) == "(0000000000.000000) vcan0 123#11\n(0000000000.000001) vcan0 123#12\n");
 }
 
 TEST_CASE("without rules a recording comes out as it went in; what is no frame is told") {
