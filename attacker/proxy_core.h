@@ -114,6 +114,13 @@ class ProxyCore {
   /// step.
   void end_step(ProxyOutput& out);
 
+  /// Starts in another step than 1, as for a recording of the middle of a run. Precondition: no
+  /// frame was handled yet; step > 0.
+  void begin_at(std::int64_t step) {
+    step_ = step;
+    open_rules();
+  }
+
   std::int64_t current_step() const { return step_; }
   const ProxyCounters& counters() const { return counters_; }
   const ProxyCounters& command_counters() const { return command_counters_; }
@@ -182,7 +189,7 @@ class ProxyCore {
   std::vector<double> over_time_;      // per rule: waveform or walk in the current step
   std::vector<Acts> acts_;             // per rule
   std::vector<char> is_bad_;           // per rule: the state of its chain
-  // By target: what a rule keeps the signals at, once it has acted since its window opened.
+  // By target: what a rule keeps the signals at, once it has acted.
   std::vector<std::optional<CanFrame>> frozen_;
   std::vector<Copies> copies_;  // of the frame that passes
   DbcMessage tick_;

@@ -128,7 +128,7 @@ void AttackerProcess::publish_status(CanBus& from, CanBus& to) {
       {"duplicated", frames.duplicated},
       {"odd_ticks", frames.odd_ticks},
       {"commands_received", commands.received},
-      {"commands_sent", commands.sent},
+      {"commands_sent", commands.sent - commands_after_end_},
       {"commands_altered", commands.altered},
       {"commands_dropped", commands.dropped},
       {"commands_injected", commands.injected},

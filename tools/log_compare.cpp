@@ -138,7 +138,7 @@ class LogComparison {
             " stands only in " + std::string(in_a == a.channels.end() ? "B" : "A");
         if (a.campaign_only.contains(channel) && b.campaign_only.contains(channel)) {
           result_.notes.push_back(printable(channel, 60) + where +
-                                  ": only a campaign has clean measurements");
+                                  ": only a campaign knows what it is told");
         } else {
           result_.problems.push_back(printable(channel, 60) + where);
         }

@@ -288,8 +288,7 @@ class Reviewer {
                         *plant = process_with("commands");
     if (attacker != nullptr && plant != nullptr) {
       add_loss("sensor bus", "commands sent by the attacker, not read by the plant",
-               attacker->counter("commands_sent") - plant->counter("commands") -
-                   attacker->counter("commands_after_end"));
+               attacker->counter("commands_sent") - plant->counter("commands"));
     }
     for (const auto& [channel, trouble] : trace_.troubles) {
       review_.refused_in_log += trouble.num_refused();

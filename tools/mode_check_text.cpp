@@ -75,7 +75,10 @@ std::string bad_text(const ModeCheck& check, const BadSet& bad) {
 
 std::string delay_text(const ModeDivergence& divergence) {
   const int delay = divergence.delay_steps();
-  return delay < 0 ? "never" : std::to_string(delay);
+  if (delay >= 0) return std::to_string(delay);
+  // It may well come after the steps that were looked at.
+  return divergence.per_step() > kNothing ? "> " + std::to_string(divergence.log_ratio.size() + 1)
+                                          : "never";
 }
 
 std::string divergence_text(const ModeDivergence& divergence) {
@@ -290,7 +293,8 @@ std::string to_json(const ModeCheck& check) {
          {"is_distinguishable", pair.is_distinguishable ? Json(*pair.is_distinguishable) : Json()},
          {"divergence_per_step", finite(pair.attacked.per_step())},
          {"delay_steps", pair.attacked.delay_steps()},
-         {"quiet_divergence_per_step", finite(pair.quiet.per_step())}});
+         {"quiet_divergence_per_step", finite(pair.quiet.per_step())},
+         {"quiet_delay_steps", pair.quiet.delay_steps()}});
   }
   json["notes"] = check.notes;
   json["warnings"] = warnings_of(check);

@@ -6,6 +6,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 
 #include "common/errors.h"
 #include "drivers/can/can_bus.h"
@@ -78,10 +79,46 @@ std::unique_ptr<CandumpWriter> open_log(const std::string& file) {
 }
 
 // Nothing is made before all can be.
-void require_new(const std::string& file) {
-  if (!file.empty() && std::filesystem::exists(file))
-    throw UsageError(file + ": exists already; remove it or name another file");
+void require_new(const OfflineAttack& files) {
+  std::set<std::string> names;
+  for (const std::string& file : {files.out, files.truth, files.commands}) {
+    if (file.empty()) continue;
+    if (std::filesystem::exists(file))
+      throw UsageError(file + ": exists already; remove it or name another file");
+    if (!names.insert(std::filesystem::absolute(file).lexically_normal().string()).second)
+      throw UsageError(file + ": is named for two outputs");
+  }
 }
+
+// The step that the recording's first tick ends; none when it has no tick of the scenario.
+std::optional<std::int64_t> first_step_of(const std::string& file, const FrameLayout& layout) {
+  CandumpReader log(file);
+  const FrameCodec codec(layout);
+  std::vector<double> values;
+  std::array<CanFrame, 64> batch;
+  std::int64_t num_frames = 0;
+  while (!log.at_end()) {
+    const std::size_t count = log.read(batch);
+    num_frames += static_cast<std::int64_t>(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const FrameCodec::Decoded decoded = codec.decode(batch[i], values);
+      values.clear();
+      if (decoded.kind == FrameCodec::Kind::kTick && decoded.tick_step > 0)
+        return decoded.tick_step;
+    }
+  }
+  if (num_frames == 0)
+    throw UsageError(file +
+                     ": holds no frame in the format of candump -L, "
+                     "(1700000000.000000) can0 123#DEADBEEF");
+  return std::nullopt;
+}
+
+// The first tick that was not the one of its step: it, and all behind it, end none.
+struct OddTick {
+  std::int64_t expected = 0;
+  CanFrame frame;
+};
 
 class TruthFile {
  public:
@@ -110,21 +147,27 @@ void stamp(std::vector<CanFrame>& frames, std::int64_t time_ns) {
   }
 }
 
-std::string summary(const ProxyCore& core, const BusCounters& in, std::size_t num_commands) {
+std::string summary(const ProxyCore& core, std::int64_t first_step, const BusCounters& in,
+                    std::size_t num_commands, const std::optional<OddTick>& odd) {
   const ProxyCounters& c = core.counters();
-  std::string text = "steps " + std::to_string(core.current_step() - 1) + "  frames read " +
-                     std::to_string(c.received) + "  passed " + std::to_string(c.passed) +
-                     "  altered " + std::to_string(c.altered) + "  dropped " +
-                     std::to_string(c.dropped) + "  injected " + std::to_string(c.injected) +
-                     "  duplicated " + std::to_string(c.duplicated) + "  written " +
-                     std::to_string(c.sent) + '\n';
+  std::string text = "steps " + std::to_string(core.current_step() - first_step) +
+                     "  frames read " + std::to_string(c.received) + "  passed " +
+                     std::to_string(c.passed) + "  altered " + std::to_string(c.altered) +
+                     "  dropped " + std::to_string(c.dropped) + "  injected " +
+                     std::to_string(c.injected) + "  duplicated " + std::to_string(c.duplicated) +
+                     "  written " + std::to_string(c.sent) + '\n';
   if (num_commands > 0) text += "commands forged " + std::to_string(num_commands) + '\n';
   if (in.refused + in.error_frames > 0) {
     text += "left out: " + std::to_string(in.refused) + " broken lines, " +
             std::to_string(in.error_frames) + " error frames\n";
   }
-  if (c.received > 0 && core.current_step() == 1) {
-    text += "no tick of the scenario was among the frames: all of them count as step 1\n";
+  if (core.current_step() == first_step)
+    text += "no tick of the scenario was among the frames: all of them count as one step\n";
+  if (odd) {
+    text += "warning: " + std::to_string(c.odd_ticks) + " ticks ended no step, the first one " +
+            std::string(frame_json(odd->frame, true)) + " where that of step " +
+            std::to_string(odd->expected) + " was due: rules stayed in step " +
+            std::to_string(core.current_step()) + "\n";
   }
   return text;
 }
@@ -134,12 +177,16 @@ std::string summary(const ProxyCore& core, const BusCounters& in, std::size_t nu
 std::string attack_offline(const Experiment& experiment, const OfflineAttack& files) {
   if (files.in.empty() || files.out.empty())
     throw UsageError("--in, a recording, needs --out, a new file, and the other way round");
-  for (const std::string& file : {files.out, files.truth, files.commands}) require_new(file);
+  require_new(files);
+  const std::optional<std::int64_t> found = first_step_of(files.in, experiment.layout);
+  const std::int64_t first_step = found.value_or(1);
   const std::unique_ptr<CanBus> in = open_can_bus("candump:" + files.in);
   const auto out = open_log(files.out);
   const auto commands = files.commands.empty() ? nullptr : open_log(files.commands);
   TruthFile truth(files.truth);
   ProxyCore core = experiment.make_proxy(0);
+  core.begin_at(first_step);
+  std::optional<OddTick> odd;
   ProxyOutput output;
   std::array<CanFrame, 64> batch;
   std::size_t num_commands = 0;
@@ -147,7 +194,9 @@ std::string attack_offline(const Experiment& experiment, const OfflineAttack& fi
     count = in->read(batch);
     for (std::size_t i = 0; i < count; ++i) {
       output.clear();
+      const std::int64_t step = core.current_step();
       core.on_frame(batch[i], output);
+      if (!odd && core.counters().odd_ticks > 0) odd = {step, batch[i]};
       stamp(output.frames, batch[i].receive_time_ns);
       stamp(output.commands, batch[i].receive_time_ns);
       out->write(output.frames);
@@ -158,7 +207,7 @@ std::string attack_offline(const Experiment& experiment, const OfflineAttack& fi
     }
   }
   truth.finish();
-  return summary(core, in->counters(), num_commands);
+  return summary(core, first_step, in->counters(), num_commands, odd);
 }
 
 }  // namespace holdfast

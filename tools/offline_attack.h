@@ -22,8 +22,10 @@ struct OfflineAttack {
 /// frames, scenario and seed; a forged frame has the time of the tick that ends its step.
 ///
 /// Every frame of the recording, of whatever interface, is taken as one of the sensor-side bus.
-/// Returns what it did, for people. Throws UsageError when in or out is missing, or a file cannot
-/// be read or exists already, JobError when one cannot be written.
+/// Steps begin with that which the recording's first tick ends.
+/// Returns what it did, for people. Throws UsageError when in or out is missing, a file cannot be
+/// read, holds no frame or exists already, or two outputs are one; JobError when a file cannot be
+/// written.
 std::string attack_offline(const Experiment& experiment, const OfflineAttack& files);
 
 }  // namespace holdfast

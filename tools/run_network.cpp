@@ -38,6 +38,9 @@ void require_shared_bus(const std::string& key, const std::string& url) {
   if (url == "auto" || has_scheme("socketcan:") || has_scheme("udp:")) return;
   std::string reason = "is no bus";
   if (has_scheme("loop:")) reason = "lives within one process, and a live run has several";
+  if (has_scheme("slcan:"))
+    reason =
+        "is one adapter, which one process opens: start the processes by hand (docs/scenario.md)";
   if (has_scheme("candump:") || has_scheme("candump-write:"))
     reason = "is a file, on which no process can answer another";
   throw UsageError(key + ": " + url + " " + reason +

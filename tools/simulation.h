@@ -50,6 +50,7 @@ class Simulation {
   const std::vector<RuleSignal>& rule_signals() const { return sent_.signals; }  // of this step
   const std::vector<CanFrame>& sent_frames() const { return sent_.frames; }      // of this step
   const std::vector<CanFrame>& commands() const { return sent_.commands; }       // of this step
+  const AssemblerCounters& assembler_counters() const { return assembler_.counters(); }
   /// What became of those, by CommandOutcome.
   const std::array<std::int64_t, 3>& command_outcomes() const { return command_outcomes_; }
 

@@ -4,6 +4,7 @@
 #include "drivers/can/candump_bus.h"
 #include "drivers/can/loop_bus.h"
 #include "drivers/can/network_link.h"
+#include "drivers/can/slcan_bus.h"
 #include "drivers/can/socketcan_bus.h"
 #include "drivers/can/udp_bus.h"
 
@@ -15,7 +16,7 @@ std::unique_ptr<CanBus> open_can_bus(const std::string& url, const BusOptions& o
   const std::string rest = colon == std::string::npos ? "" : url.substr(colon + 1);
   if (colon == std::string::npos || (rest.empty() && kind != "loop")) {
     throw UsageError("'" + url + "' is no bus: expected socketcan:INTERFACE, udp:GROUP:PORT, " +
-                     "loop:NAME, candump:FILE or candump-write:FILE");
+                     "slcan:DEVICE, loop:NAME, candump:FILE or candump-write:FILE");
   }
   if (kind == "socketcan") {
     constexpr std::size_t kInterfaceNameMax = 15;
@@ -24,6 +25,7 @@ std::unique_ptr<CanBus> open_can_bus(const std::string& url, const BusOptions& o
     }
     return std::make_unique<SocketCanBus>(rest, options);
   }
+  if (kind == "slcan") return std::make_unique<SlcanBus>(url, options);
   if (kind == "udp") return std::make_unique<UdpBus>(url, options);
   if (kind == "loop") return std::make_unique<LoopBus>(std::make_shared<LoopMedium>(), options);
   if (kind == "candump") {
@@ -32,7 +34,7 @@ std::unique_ptr<CanBus> open_can_bus(const std::string& url, const BusOptions& o
   }
   if (kind == "candump-write") return std::make_unique<CandumpWriter>(rest, options);
   throw UsageError("'" + url + "' is no bus: there is no kind '" + kind + "'; the kinds are " +
-                   "socketcan, udp, loop, candump and candump-write");
+                   "socketcan, udp, slcan, loop, candump and candump-write");
 }
 
 std::string canonical_bus_url(const std::string& url) {

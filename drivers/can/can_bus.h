@@ -69,9 +69,9 @@ struct BusOptions {
   }
 };
 
-/// Opens socketcan:IFACE, udp:GROUP:PORT, candump:FILE (read), candump-write:FILE (writes a new
-/// one) or loop:NAME. A loop: opened here is alone on its medium; LoopBus objects that share one
-/// are made with make_loop_pair() or on a LoopMedium.
+/// Opens socketcan:IFACE, udp:GROUP:PORT, slcan:DEVICE (a serial adapter), candump:FILE (read),
+/// candump-write:FILE (writes a new one) or loop:NAME. A loop: opened here is alone on its medium;
+/// LoopBus objects that share one are made with make_loop_pair() or on a LoopMedium.
 ///
 /// Throws UsageError for a URL that is none of these, or for writing to what is neither vcan,
 /// vxcan, loop, a file, nor loopback UDP, unless options.owned_urls has the URL. Throws JobError

@@ -194,6 +194,8 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
     smoothed.take(true_step);
   }
   result.counters = counters.by_name();
+  if (const std::int64_t refused = simulation.assembler_counters().wrong_checksum; refused > 0)
+    result.counters["frames_wrong_checksum"] = refused;
   std::vector<EstimatorResult> finished;
   for (std::size_t i = 0; i < scorers.size(); ++i) {
     const EstimatorEntry& entry = *simulation.entries()[i];

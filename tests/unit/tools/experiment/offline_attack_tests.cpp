@@ -1,6 +1,7 @@
 #include "tools/offline_attack.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -122,6 +123,50 @@ TEST_CASE("a recording is attacked to the byte as the live bus is, and the truth
   CHECK_THROWS_AS(attack_offline(experiment, {in, folder.file("new.log"), truth, ""}), UsageError);
   CHECK_FALSE(std::filesystem::exists(folder.file("new.log")));
   CHECK_THROWS_AS(attack_offline(experiment, {in + "x", folder.file("y"), "", ""}), UsageError);
+}
+
+TEST_CASE("a recording may begin in the middle of a run, and a tick that is missing is told") {
+  const testing::TemporaryFolder folder;
+  const std::string in = folder.file("in.log"), out = folder.file("out.log"),
+                    truth = folder.file("truth.jsonl"), gap = folder.file("gap.log");
+  const Experiment experiment = load_experiment(
+      testing::scenario("three_area"),
+      {kSteps,
+       "attacks=[{name: r, window: {first_step: 186}, match: {identifier: 0x123}, action: drop}]"});
+  {
+    std::ofstream stream(in), other(gap);
+    for (int step = 185; step <= 188; ++step) {
+      char tick[32];
+      std::snprintf(tick, sizeof tick, "7F0#%02X000000", step);
+      for (const std::string frame : {std::string("123#11"), std::string(tick)}) {
+        stream << "(1700000000.000000) can0 " << frame << '\n';
+        if (frame != "7F0#BA000000") other << "(1700000000.000000) can0 " << frame << '\n';
+      }
+    }
+  }
+  const std::string text = attack_offline(experiment, {in, out, truth, ""});
+  CHECK(text.find("steps 4 ") != std::string::npos);
+  CHECK(text.find("dropped 3") != std::string::npos);
+  CHECK(text.find("warning") == std::string::npos);
+  CHECK(text_of(truth).find("\"step\":186") != std::string::npos);
+  const std::string warned = attack_offline(experiment, {gap, folder.file("g.log"), "", ""});
+  CHECK(warned.find("2 ticks ended no step, the first one 7F0#BB000000 where that of step 186") !=
+        std::string::npos);
+}
+
+TEST_CASE("what is no recording, and outputs of one name, are refused before anything is made") {
+  const testing::TemporaryFolder folder;
+  const std::string in = folder.file("in.log"), out = folder.file("out.log");
+  const Experiment experiment =
+      load_experiment(testing::scenario("three_area"), {kSteps, "attacks=[]"});
+  for (const char* text : {"", "  can0  123   [1]  11\n", "holdfast: 1\n"}) {
+    std::ofstream(in) << text;
+    CHECK_THROWS_AS(attack_offline(experiment, {in, out, "", ""}), UsageError);
+  }
+  std::ofstream(in) << "(1.000000) can0 123#11\n";
+  CHECK_THROWS_AS(attack_offline(experiment, {in, out, out, ""}), UsageError);
+  CHECK_THROWS_AS(attack_offline(experiment, {in, out, "", folder.file("./out.log")}), UsageError);
+  CHECK_FALSE(std::filesystem::exists(out));
 }
 
 TEST_CASE("a recording that begins at time 0 keeps its times") {
