@@ -138,7 +138,7 @@ TEST_CASE("a recording may begin in the middle of a run, and a tick that is miss
     for (int step = 185; step <= 188; ++step) {
       char tick[32];
       std::snprintf(tick, sizeof tick, "7F0#%02X000000", step);
-      for (const std::string frame : {std::string("123#11"), std::string(tick)}) {
+      for (const std::string& frame : {std::string("123#11"), std::string(tick)}) {
         stream << "(1700000000.000000) can0 " << frame << '\n';
         if (frame != "7F0#BA000000") other << "(1700000000.000000) can0 " << frame << '\n';
       }
