@@ -118,6 +118,8 @@ class ProxyCore {
   /// frame was handled yet; step > 0.
   void begin_at(std::int64_t step) {
     step_ = step;
+    is_open_.assign(rules_.size(), 0);
+    is_bad_.assign(rules_.size(), 0);
     open_rules();
   }
 

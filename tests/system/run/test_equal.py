@@ -109,7 +109,9 @@ class EqualTest(RunTest):
                  "value: {distribution: random_walk, std: 0.5}}]")
         commands = "[{after_step: 8, mode: '111', lead_steps: 22}, {after_step: 15, mode: '100', lead_steps: 22}]"
         run = self.check(network_scenario("three_area"), ("static", "dynamic"),
-                         ("--set", f"attacks={rules}", "--set", f"network.commands={commands}"))
+                         # A command must not be late, which in the guest it is at 5 ms a step.
+                         ("--set", f"attacks={rules}", "--set", f"network.commands={commands}",
+                          *sets(period_s=0.005 * harness.PATIENCE)))
         modes, orders, records, signals = {}, [], [], []
         for channel, payload in harness.read_log(run.log):
             if channel == "PLANT_TRUTH":
