@@ -21,4 +21,10 @@ inline bool mentions(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
+/// Fails, and shows the whole text, when the part is not in it.
+inline void check_mentions(const std::string& text, const std::string& part) {
+  INFO(text);
+  CHECK(mentions(text, part));
+}
+
 }  // namespace holdfast::testing

@@ -7,6 +7,7 @@
 
 #include "common/random_stream.h"
 #include "tests/support/catch.h"
+#include "tests/support/texts.h"
 #include "tests/unit/attacker/proxy_bench.h"
 
 using namespace holdfast;
@@ -246,9 +247,7 @@ TEST_CASE("a draw of the step is shared by messages and by forged frames") {
 
 TEST_CASE("values that an action cannot use are told") {
   const auto says = [](const std::string& rest, const std::string& part) {
-    const std::string text = problems_of(pair_rule(rest));
-    INFO(text);
-    CHECK(text.find(part) != std::string::npos);
+    testing::check_mentions(problems_of(pair_rule(rest)), part);
   };
   const std::string replay = "value: {distribution: replay, delay_steps: [1, 1]";
   says("action: add, signal: LEFT, " + replay + "}", "cannot be used by add; use substitute");

@@ -56,16 +56,16 @@ std::string pair_rule(const std::string& rest) {
   return "attacks: [{name: r, match: {messages: [Pair]}, " + rest + "}]";
 }
 
-std::vector<AttackRule> rules_of(const std::string& yaml) {
+std::vector<AttackRule> rules_of(const std::string& yaml, const FrameLayout& layout) {
   ConfigurationDocument document = ConfigurationDocument::from_text(yaml, "test.yaml");
-  std::vector<AttackRule> rules = read_attack_rules(document.root(), test_layout());
+  std::vector<AttackRule> rules = read_attack_rules(document.root(), layout);
   document.finish();
   return rules;
 }
 
-std::string problems_of(const std::string& yaml) {
+std::string problems_of(const std::string& yaml, const FrameLayout& layout) {
   try {
-    rules_of(yaml);
+    rules_of(yaml, layout);
   } catch (const ConfigurationError& error) {
     return error.what();
   }

@@ -18,9 +18,10 @@ FrameLayout test_layout();
 std::string pair_rule(const std::string& rest);
 
 /// Rules of YAML text "attacks: [...]"; throws ConfigurationError with all problems.
-std::vector<AttackRule> rules_of(const std::string& yaml);
+std::vector<AttackRule> rules_of(const std::string& yaml,
+                                 const FrameLayout& layout = test_layout());
 /// What that says; empty when all is well.
-std::string problems_of(const std::string& yaml);
+std::string problems_of(const std::string& yaml, const FrameLayout& layout = test_layout());
 
 /// Frame of a message with its signals set by name, STEP included.
 CanFrame reading(const std::string& message, std::int64_t step, const std::string& signal,

@@ -4,6 +4,8 @@
 #include <set>
 
 #include "tests/support/catch.h"
+#include "tests/support/frames.h"
+#include "tests/support/texts.h"
 #include "tests/unit/attacker/proxy_bench.h"
 
 using namespace holdfast;
@@ -15,15 +17,7 @@ std::string rule(const std::string& rest) {
   return "attacks: [{name: r, " + rest + "}]";
 }
 
-CanFrame raw_frame(std::uint32_t identifier, const std::vector<std::uint8_t>& bytes,
-                   std::uint8_t flags = 0) {
-  CanFrame frame;
-  frame.identifier = identifier;
-  frame.flags = flags;
-  frame.num_bytes = static_cast<std::uint8_t>(bytes.size());
-  std::copy(bytes.begin(), bytes.end(), frame.data.begin());
-  return frame;
-}
+using testing::frame_of;
 
 std::vector<std::uint8_t> bytes_of(const CanFrame& frame) {
   return {frame.bytes().begin(), frame.bytes().end()};
@@ -63,8 +57,8 @@ Bursts bursts_of(const std::string& rest, int num_steps) {
 
 TEST_CASE("a rule may ask for a type of frame") {
   const std::vector<CanFrame> frames = {
-      raw_frame(0x400, {1, 2}), raw_frame(0x400, {}, CanFrame::kRemote),
-      raw_frame(0x400, {1, 2, 3}, CanFrame::kFd), raw_frame(0x401, {1}, CanFrame::kExtended)};
+      frame_of(0x400, 0, {1, 2}), frame_of(0x400, CanFrame::kRemote, {}),
+      frame_of(0x400, CanFrame::kFd, {1, 2, 3}), frame_of(0x401, CanFrame::kExtended, {1})};
   const auto dropped = [&frames](const std::string& type) {
     std::set<std::int64_t> indices;
     for (const AttackRecord& record :
@@ -82,9 +76,9 @@ TEST_CASE("a rule may ask for a type of frame") {
 TEST_CASE("a rule may compare bytes under a mask") {
   const std::string match = "match: {payload: {at: 1, value: \"12 F0\", mask: \"FF F0\"}}";
   const std::vector<CanFrame> frames = {
-      raw_frame(0x400, {0, 0x12, 0xF7}), raw_frame(0x400, {0, 0x12, 0x07}),
-      raw_frame(0x400, {0, 0x13, 0xF7}), raw_frame(0x400, {0, 0x12}),
-      raw_frame(0x1ABCDE, {9, 0x12, 0xF0, 7}, CanFrame::kExtended)};
+      frame_of(0x400, 0, {0, 0x12, 0xF7}), frame_of(0x400, 0, {0, 0x12, 0x07}),
+      frame_of(0x400, 0, {0, 0x13, 0xF7}), frame_of(0x400, 0, {0, 0x12}),
+      frame_of(0x1ABCDE, CanFrame::kExtended, {9, 0x12, 0xF0, 7})};
   const Outcome outcome = run_proxy(rules_of(rule(match + ", action: drop")), frames);
   REQUIRE(outcome.records.size() == 2);
   CHECK(outcome.records[0].rx_index == 0);
@@ -94,7 +88,7 @@ TEST_CASE("a rule may compare bytes under a mask") {
 TEST_CASE("bits are written, kept, set and flipped in that order, and nothing else") {
   const auto after = [](const std::string& edit, const std::vector<std::uint8_t>& before) {
     const Outcome outcome =
-        run_proxy(rules_of(rule("action: bits, " + edit)), {raw_frame(0x400, before)});
+        run_proxy(rules_of(rule("action: bits, " + edit)), {frame_of(0x400, 0, before)});
     return bytes_of(outcome.sent.at(0));
   };
   using Bytes = std::vector<std::uint8_t>;
@@ -106,7 +100,7 @@ TEST_CASE("bits are written, kept, set and flipped in that order, and nothing el
         Bytes{((0x3C & 0xF0) | 0x01) ^ 0x11, 0x81, 5});
   // A frame that is too short stays as it is, without a record.
   const Outcome outcome = run_proxy(rules_of(rule("action: bits, at: 2, set: \"AA BB\"")),
-                                    {raw_frame(0x400, {1, 2, 3})});
+                                    {frame_of(0x400, 0, {1, 2, 3})});
   CHECK(outcome.records.empty());
   CHECK(bytes_of(outcome.sent.at(0)) == Bytes{1, 2, 3});
 }
@@ -255,9 +249,7 @@ TEST_CASE("the truth calls each attack by its class") {
 
 TEST_CASE("what makes no sense of a frame is refused with its reason") {
   const auto says = [](const std::string& rest, const std::string& text) {
-    const std::string problems = problems_of(rule(rest));
-    UNSCOPED_INFO(problems);
-    CHECK(problems.find(text) != std::string::npos);
+    testing::check_mentions(problems_of(rule(rest)), text);
   };
   says("match: {payload: {mask: \"FF\"}}, action: drop", "value: missing");
   says("match: {payload: {value: \"XY\"}}, action: drop", "pairs of hexadecimal digits");

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "tests/support/catch.h"
+#include "tests/support/texts.h"
 #include "tests/unit/attacker/proxy_bench.h"
 
 using namespace holdfast;
@@ -182,9 +183,7 @@ TEST_CASE(
 
 TEST_CASE("wrong lists of signals and numbers are told") {
   const auto says = [](const std::string& rest, const std::string& part) {
-    const std::string text = problems_of(pair_rule(rest));
-    INFO(text);
-    CHECK(text.find(part) != std::string::npos);
+    testing::check_mentions(problems_of(pair_rule(rest)), part);
   };
   says("action: substitute, signals: [LEFT, LEFT], value: {value: 1}", "each signal once");
   says("action: substitute, signals: [], value: {value: 1}", "must name a signal");

@@ -5,19 +5,12 @@
 #include "common/errors.h"
 #include "drivers/can/slcan_bus.h"
 #include "tests/support/catch.h"
+#include "tests/support/frames.h"
 
 namespace holdfast {
 namespace {
 
-CanFrame frame_of(std::uint32_t identifier, std::uint8_t flags,
-                  const std::vector<std::uint8_t>& data) {
-  CanFrame frame;
-  frame.identifier = identifier;
-  frame.flags = flags;
-  frame.num_bytes = static_cast<std::uint8_t>(data.size());
-  std::copy(data.begin(), data.end(), frame.data.begin());
-  return frame;
-}
+using testing::frame_of;
 
 CanFrame remote_of(std::uint32_t identifier, std::uint8_t flags, std::uint8_t num_bytes) {
   CanFrame frame = frame_of(identifier, flags | CanFrame::kRemote, {});

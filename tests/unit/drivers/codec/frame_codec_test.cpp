@@ -5,6 +5,7 @@
 
 #include "common/errors.h"
 #include "tests/support/catch.h"
+#include "tests/support/frames.h"
 #include "tests/unit/drivers/codec/sensors_layout.h"
 
 namespace holdfast {
@@ -12,14 +13,7 @@ namespace {
 
 using FrameKind = FrameCodec::Kind;
 
-CanFrame frame_of(std::uint32_t identifier, std::uint8_t flags, std::vector<std::uint8_t> bytes) {
-  CanFrame frame;
-  frame.identifier = identifier;
-  frame.flags = flags;
-  frame.num_bytes = static_cast<std::uint8_t>(bytes.size());
-  std::copy(bytes.begin(), bytes.end(), frame.data.begin());
-  return frame;
-}
+using testing::frame_of;
 
 FrameKind kind_of(const FrameCodec& codec, const CanFrame& frame) {
   std::vector<double> values = {7.0};

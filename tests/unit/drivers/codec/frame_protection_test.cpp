@@ -3,6 +3,7 @@
 #include "drivers/can/frame_codec.h"
 #include "drivers/measurement_assembler.h"
 #include "tests/support/catch.h"
+#include "tests/support/texts.h"
 
 namespace holdfast {
 namespace {
@@ -116,8 +117,7 @@ TEST_CASE("protection that cannot be is refused with its reason") {
                        const std::string& text) {
     std::string problems;
     layout_of(signals, protection, &problems);
-    UNSCOPED_INFO(problems);
-    CHECK(problems.find(text) != std::string::npos);
+    testing::check_mentions(problems, text);
   };
   says("[X]", "{message: Pose}", "kind: missing");
   says("[X]", "{message: None, kind: e2e_p1, data_id: 1}", "'None' is no message");

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "tests/support/catch.h"
+#include "tests/support/texts.h"
 #include "tests/unit/tools/experiment/scenario_texts.h"
 
 namespace holdfast {
@@ -91,9 +92,7 @@ TEST_CASE("a breaker's command acts as the same change of mode in the plan would
 
 TEST_CASE("what a scenario says about commands is checked against the plant") {
   const auto says = [](const std::string& entry, const std::string& text) {
-    const std::string problems = testing::problems_of("three_area", {entry});
-    UNSCOPED_INFO(problems);
-    CHECK(problems.find(text) != std::string::npos);
+    testing::check_mentions(testing::problems_of("three_area", {entry}), text);
   };
   says("network.commands=[{after_step: 3, mode: '011'}]", "none of the plant's modes: 111, 010");
   says("network.commands=[{mode: '111'}]", "after_step: missing");
