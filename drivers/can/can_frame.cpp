@@ -3,8 +3,6 @@
 namespace holdfast {
 namespace {
 
-constexpr std::array<std::uint8_t, 16> kFdLengths = {0, 1,  2,  3,  4,  5,  6,  7,
-                                                     8, 12, 16, 20, 24, 32, 48, 64};
 constexpr std::uint32_t kStandardIdentifierMax = 0x7FF;
 constexpr std::uint32_t kExtendedIdentifierMax = 0x1FFFFFFF;
 
@@ -25,7 +23,7 @@ bool is_valid(const CanFrame& frame) {
 }
 
 std::uint8_t fd_length(std::size_t num_bytes) {
-  return *std::lower_bound(kFdLengths.begin(), kFdLengths.end(), num_bytes);
+  return *std::lower_bound(kFrameLengths.begin(), kFrameLengths.end(), num_bytes);
 }
 
 }  // namespace holdfast

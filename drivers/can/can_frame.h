@@ -41,6 +41,10 @@ struct CanFrame {
 /// the identifier fits its width.
 bool is_valid(const CanFrame& frame);
 
+/// Lengths that a frame can have, by its length code; of a classic one the first nine.
+inline constexpr std::array<std::uint8_t, 16> kFrameLengths = {0, 1,  2,  3,  4,  5,  6,  7,
+                                                               8, 12, 16, 20, 24, 32, 48, 64};
+
 /// Smallest FD length of at least num_bytes; precondition: num_bytes <= 64.
 std::uint8_t fd_length(std::size_t num_bytes);
 

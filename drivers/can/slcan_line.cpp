@@ -8,8 +8,6 @@ namespace {
 
 constexpr char kEnd = '\r', kBell = '\a';
 constexpr std::string_view kDigits = "0123456789ABCDEF";
-constexpr std::array<std::uint8_t, 16> kLengths = {0, 1,  2,  3,  4,  5,  6,  7,
-                                                   8, 12, 16, 20, 24, 32, 48, 64};
 constexpr std::size_t kStampDigits = 4;
 
 void append_hex(std::uint32_t value, int num_digits, std::string& text) {
@@ -65,7 +63,7 @@ bool parse_frame(std::string_view text, CanFrame& frame) {
   // Some tools write a remote frame without its length.
   if (!(is_remote && text.empty()) && !take_hex(text, 1, code)) return false;
   if (!read.has(CanFrame::kFd) && code > 8) return false;
-  read.num_bytes = kLengths[code];
+  read.num_bytes = kFrameLengths[code];
   for (std::size_t i = 0; i < read.bytes().size(); ++i) {
     std::uint32_t byte = 0;
     if (!take_hex(text, 2, byte)) return false;
@@ -85,7 +83,7 @@ std::string format_slcan_line(const CanFrame& frame) {
   std::string line(1, kind_of(frame));
   append_hex(frame.identifier, frame.has(CanFrame::kExtended) ? 8 : 3, line);
   std::uint32_t code = 0;
-  while (kLengths[code] < frame.num_bytes) ++code;
+  while (kFrameLengths[code] < frame.num_bytes) ++code;
   append_hex(code, 1, line);
   for (const std::uint8_t byte : frame.bytes()) append_hex(byte, 2, line);
   return line + kEnd;
