@@ -13,8 +13,6 @@ namespace {
 
 constexpr Interval kFinite{std::numeric_limits<double>::lowest(),
                            std::numeric_limits<double>::max()};
-// From a forged command to the step at which it acts: the plant has to have it by then.
-constexpr std::int64_t kLeadSteps = 20;
 constexpr Interval kFiniteNonNegative{0.0, std::numeric_limits<double>::max()};
 
 using Messages = std::vector<const DbcMessage*>;
@@ -187,13 +185,7 @@ void read_signals(ConfigurationMap& map, AttackRule& rule, const Messages& selec
 
 // A command's mode by its name, in place of signal and value.
 void read_mode(ConfigurationMap& map, const CommandLayout& command, AttackRule& rule) {
-  std::string mode;
-  map.read("mode", mode);
-  const int index = command.find(mode);
-  if (index < 0) {
-    map.problem("mode",
-                "'" + mode + "' is none of the plant's modes: " + name_list(command.mode_names));
-  }
+  const int index = read_name(map, "mode", "the plant's modes", command.mode_names);
   for (const char* key : {"signal", "signals", "value"}) {
     if (!map.has(key)) continue;
     map.problem(key, "is the command's mode already: give mode or " + std::string(key));
@@ -219,7 +211,7 @@ void read_inject(ConfigurationMap& map, const std::string& folder, AttackRule& r
   read_count(map.map("count"), rule.count);
   if (rule.is_on_way_back) {
     rule.counter_signal = layout.command.step_signal;
-    rule.counter_offset = kLeadSteps;
+    rule.counter_offset = CommandLayout::kLeadSteps;
     map.read("lead_steps", rule.counter_offset, {-1e9, 1e9});
     if (std::find(rule.signals.begin(), rule.signals.end(), rule.counter_signal) !=
         rule.signals.end()) {

@@ -13,14 +13,7 @@ std::vector<ChannelSignal> read_channel_signals(ConfigurationMap& map, const cha
   std::vector<ChannelSignal> signals;
   for (ConfigurationMap& entry : map.maps(key)) {
     ChannelSignal signal;
-    std::string channel;
-    entry.require("channel");
-    entry.read("channel", channel);
-    const auto found = std::find(names.begin(), names.end(), channel);
-    signal.channel = static_cast<int>(found - names.begin());
-    if (entry.has("channel") && found == names.end()) {
-      entry.problem("channel", "'" + channel + "' is none of " + what + ": " + name_list(names));
-    }
+    signal.channel = std::max(0, read_name(entry, "channel", what, names));
     signal.window.read(entry.map("window"));
     signal.waveform.read(entry, folder, may_walk);
     signals.push_back(std::move(signal));

@@ -27,14 +27,7 @@ void read_mode_changes(ConfigurationMap& map, const ModeSet& modes,
                        std::vector<ModeChange>& changes) {
   for (ConfigurationMap& entry : map.maps("mode_changes")) {
     ModeChange change;
-    std::string name;
-    entry.require("mode");
-    entry.read("mode", name);
-    change.mode = modes.find(name);
-    if (entry.has("mode") && change.mode < 0) {
-      entry.problem("mode",
-                    "'" + name + "' is none of the plant's modes: " + name_list(modes.names()));
-    }
+    change.mode = read_name(entry, "mode", "the plant's modes", modes.names());
     entry.require("from_step");
     entry.read("from_step", change.from_step, {1.0, 1e9});
     if (!changes.empty() && change.from_step <= changes.back().from_step) {

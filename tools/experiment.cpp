@@ -59,17 +59,10 @@ void read_commands(ConfigurationMap& network, Experiment& experiment) {
   }
   for (ConfigurationMap& map : network.maps("commands")) {
     OperatorCommand command;
-    std::string mode;
-    std::int64_t lead_steps = 20;
+    std::int64_t lead_steps = CommandLayout::kLeadSteps;
     map.require("after_step");
     map.read("after_step", command.after_step, {1.0, 1e9});
-    map.require("mode");
-    map.read("mode", mode);
-    command.change.mode = layout.find(mode);
-    if (map.has("mode") && command.change.mode < 0) {
-      map.problem("mode",
-                  "'" + mode + "' is none of the plant's modes: " + name_list(layout.mode_names));
-    }
+    command.change.mode = read_name(map, "mode", "the plant's modes", layout.mode_names);
     map.read("lead_steps", lead_steps, {1.0, 1e6});
     command.change.from_step = command.after_step + lead_steps;
     experiment.commands.push_back(command);

@@ -16,12 +16,8 @@ std::vector<int> indices_of(ConfigurationMap& map, const char* key, const char* 
                             const std::vector<std::string>& known) {
   std::vector<int> indices;
   for (const std::string& name : names) {
-    const auto found = std::find(known.begin(), known.end(), name);
-    if (found == known.end()) {
-      map.problem(key, "'" + name + "' is none of the " + what + ": " + name_list(known));
-    } else {
-      indices.push_back(static_cast<int>(found - known.begin()));
-    }
+    const int index = find_name(map, key, "the " + std::string(what), name, known);
+    if (index >= 0) indices.push_back(index);
   }
   std::sort(indices.begin(), indices.end());
   if (std::adjacent_find(indices.begin(), indices.end()) != indices.end()) {

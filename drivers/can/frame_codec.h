@@ -22,9 +22,11 @@ struct CommandLayout {
   std::string step_signal = "STEP";     // the step from which the mode holds
   std::vector<std::string> mode_names;  // the signal's value is an index into these
 
+  /// Steps from a command to that at which it acts, unless it says another number: the plant has to
+  /// have it by then.
+  static constexpr std::int64_t kLeadSteps = 20;
+
   bool exists() const { return !message.empty(); }
-  /// Index of a mode by its name, -1 when there is none.
-  int find(const std::string& mode) const;
 };
 
 /// Which messages of a DBC file are the plant's readings, which one ends a step, and which one goes

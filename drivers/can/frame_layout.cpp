@@ -233,11 +233,6 @@ class LayoutCheck {
 
 }  // namespace
 
-int CommandLayout::find(const std::string& mode) const {
-  const auto found = std::find(mode_names.begin(), mode_names.end(), mode);
-  return found == mode_names.end() ? -1 : static_cast<int>(found - mode_names.begin());
-}
-
 const FrameProtection* FrameLayout::find_protection(const std::string& message) const {
   for (const FrameProtection& it : protection) {
     if (it.message == message) return &it;
