@@ -2,8 +2,8 @@
 
 namespace holdfast {
 
-BusInputs::BusInputs(const PlantSetup& plant, const FrameLayout& layout, bool checks_counter)
-    : codec_(layout), checks_counter_(checks_counter) {
+BusInputs::BusInputs(const PlantSetup& plant, const FrameCodec& codec, bool checks_counter)
+    : codec_(codec), checks_counter_(checks_counter) {
   const SystemSetup* system = plant.system();
   if (system == nullptr) return;
   const SystemModel& model = system->model();

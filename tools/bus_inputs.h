@@ -14,9 +14,10 @@ namespace holdfast {
 /// the plant adds itself it is the true input that estimators are scored against.
 class BusInputs {
  public:
-  /// Precondition: plant and layout were read without problems.
-  /// checks_counter: a reading with another step's counter is refused by whoever reads it.
-  BusInputs(const PlantSetup& plant, const FrameLayout& layout, bool checks_counter);
+  /// Precondition: the plant was read without problems.
+  /// codec: of the network, and must outlive this. checks_counter: a reading with another step's
+  /// counter is refused by whoever reads it.
+  BusInputs(const PlantSetup& plant, const FrameCodec& codec, bool checks_counter);
 
   /// False when no channel is of that kind: nothing that happens to frames is an input.
   bool exists() const { return !channels_.empty(); }
@@ -34,7 +35,7 @@ class BusInputs {
     double gain = 1.0;
   };
 
-  FrameCodec codec_;
+  const FrameCodec& codec_;
   bool checks_counter_;
   int num_channels_ = 0;
   std::vector<Channel> channels_;

@@ -41,9 +41,11 @@ class LogCollector {
  public:
   LogCollector(LogTrace& trace, const ScenarioFacts& facts)
       : trace_(trace), attack_truth_(facts.attack_truth) {
-    if (facts.experiment != nullptr)
-      bus_inputs_.emplace(facts.experiment->plant, facts.experiment->layout,
+    if (facts.experiment != nullptr) {
+      codec_.emplace(facts.experiment->layout);
+      bus_inputs_.emplace(facts.experiment->plant, *codec_,
                           facts.experiment->assembler.check_counter);
+    }
     for (const char* process : {"plant", "driver", "attacker"})
       known_channels_.insert(channel_name("STATUS_", process));
     for (const auto& [name, is_campaign_only] : facts.estimators) {
@@ -331,6 +333,7 @@ class LogCollector {
   AttackTruth attack_truth_;
   std::set<std::string> known_channels_, other_channels_;
   std::map<std::string, std::int64_t> last_seq_, last_utime_;
+  std::optional<FrameCodec> codec_;
   std::optional<BusInputs> bus_inputs_;
   std::map<std::int64_t, std::vector<double>> added_inputs_;  // by step, one for each channel
   std::int64_t last_log_utime_ = 0;

@@ -16,7 +16,7 @@ Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
       assembler_(codec_, experiment.assembler),
       clean_assembler_(codec_, experiment.assembler),
       radio_(experiment.make_radio_channel(run)),
-      bus_inputs_(experiment.plant, experiment.layout, experiment.assembler.check_counter) {
+      bus_inputs_(experiment.plant, codec_, experiment.assembler.check_counter) {
   for (const EstimatorEntry& entry : experiment.estimators) {
     if (entry.is_outside()) continue;
     entries_.push_back(&entry);
