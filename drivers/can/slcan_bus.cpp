@@ -36,7 +36,7 @@ constexpr std::array<std::pair<int, speed_t>, 11> kBauds = {{{9600, B9600},
                                                              {2000000, B2000000}}};
 constexpr const char* kForm = "expected slcan:DEVICE[@BAUD][?bitrate=N][&fd_bitrate=N]";
 constexpr std::int64_t kRetry_ns = 250'000'000, kSetUp_ns = 1'000'000'000;
-constexpr std::size_t kReceivedMax = 1U << 16;  // frames that nobody has asked for yet
+constexpr std::size_t kReceivedMax = 1024;  // frames that are taken from the device at once
 
 int number_of(const std::string& url, std::string_view text) {
   int value = 0;
@@ -116,6 +116,11 @@ void SlcanBus::watch(int descriptor) {
     throw JobError(system_problem(url_.device + ": cannot be watched", errno));
 }
 
+void SlcanBus::set_timer(std::int64_t first_ns, std::int64_t period_ns) {
+  const itimerspec times{{0, period_ns}, {0, first_ns}};  // both below a second
+  timerfd_settime(timer_.get(), 0, &times, nullptr);
+}
+
 bool SlcanBus::open_device() {
   FileDescriptor device(::open(url_.device.c_str(), O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC));
   if (!device.is_open()) return false;
@@ -134,27 +139,27 @@ bool SlcanBus::open_device() {
   const std::string commands = set_up_commands(url_, options_.may_write);
   unanswered_ = 0;
   unanswered_set_up_ = std::count(commands.begin(), commands.end(), '\r');
-  return send(commands, monotonic_time_ns() + kSetUp_ns);
+  is_line_cut_ = false;
+  return send(commands, monotonic_time_ns() + kSetUp_ns) == commands.size();
 }
 
 void SlcanBus::close_device(const std::string& why) {
   if (!device_.is_open()) return;
   device_ = FileDescriptor();  // which takes it out of the wait set, too
   ++counters_.times_down;
-  const itimerspec often{{0, kRetry_ns}, {0, kRetry_ns}};
-  timerfd_settime(timer_.get(), 0, &often, nullptr);
+  set_timer(kRetry_ns, kRetry_ns);
+  is_waking_ = false;
   tell(url_.device + " is gone (" + why + "): waiting");
 }
 
 void SlcanBus::try_again() {
   std::uint64_t expirations = 0;
-  if (::read(timer_.get(), &expirations, sizeof expirations) <= 0 || device_.is_open()) return;
+  if (::read(timer_.get(), &expirations, sizeof expirations) <= 0) return;
   if (!open_device()) {
     device_ = FileDescriptor();
     return;
   }
-  const itimerspec never{};
-  timerfd_settime(timer_.get(), 0, &never, nullptr);
+  set_timer(0, 0);
   tell(url_.device + " is back");
 }
 
@@ -224,50 +229,63 @@ void SlcanBus::on_bus_state(std::string_view line) {
 }
 
 std::size_t SlcanBus::read(std::span<CanFrame> frames) {
-  try_again();
-  read_device();
-  const std::size_t count = std::min(frames.size(), received_.size());
-  std::move(received_.begin(), received_.begin() + static_cast<std::ptrdiff_t>(count),
-            frames.begin());
-  received_.erase(received_.begin(), received_.begin() + static_cast<std::ptrdiff_t>(count));
+  if (!device_.is_open()) try_again();
+  if (next_ == received_.size()) {
+    received_.clear();
+    next_ = 0;
+    read_device();
+  }
+  const std::size_t count = std::min(frames.size(), received_.size() - next_);
+  std::copy_n(received_.begin() + static_cast<std::ptrdiff_t>(next_), count, frames.begin());
+  next_ += count;
   counters_.read += static_cast<std::int64_t>(count);
+  // One read of the device may hold more frames than were asked for, of which it says nothing more.
+  const bool has_more = next_ < received_.size();
+  if (device_.is_open() && has_more != is_waking_) {
+    is_waking_ = has_more;
+    set_timer(has_more ? 1 : 0, 0);
+  }
   return count;
 }
 
-bool SlcanBus::send(std::string_view text, std::int64_t deadline_ns) {
-  while (!text.empty() && device_.is_open()) {
-    const ssize_t count = ::write(device_.get(), text.data(), text.size());
+std::size_t SlcanBus::send(std::string_view text, std::int64_t deadline_ns) {
+  std::size_t sent = 0;
+  while (sent < text.size() && device_.is_open()) {
+    const ssize_t count = ::write(device_.get(), text.data() + sent, text.size() - sent);
     if (count > 0) {
-      text.remove_prefix(static_cast<std::size_t>(count));
+      sent += static_cast<std::size_t>(count);
       continue;
     }
     if (count < 0 && errno != EAGAIN && errno != EINTR) {
       close_device(system_problem("writing", errno));
-      return false;
+      break;
     }
     const std::int64_t left_ns = deadline_ns - monotonic_time_ns();
-    if (left_ns <= 0) return false;
+    if (left_ns <= 0) break;
     pollfd room{device_.get(), POLLOUT, 0};
     poll(&room, 1, static_cast<int>(left_ns / 1'000'000) + 1);
   }
-  return text.empty();
+  return sent;
 }
 
 std::size_t SlcanBus::write(std::span<const CanFrame> frames) {
   if (!options_.may_write) throw std::logic_error(url_.device + " was opened read-only");
+  sending_.clear();
+  // What is left of a line that was cut must not become the beginning of the next one.
+  if (is_line_cut_) sending_ += '\r';
+  const std::size_t num_before = is_line_cut_ ? 1 : 0;
+  for (const CanFrame& frame : frames) {
+    if (is_valid(frame)) append_slcan_line(frame, sending_);
+  }
   const std::int64_t deadline_ns =
       monotonic_time_ns() + static_cast<std::int64_t>(options_.write_timeout_s * 1e9);
-  std::size_t num_written = 0;
-  for (const CanFrame& frame : frames) {
-    const std::string line = is_valid(frame) ? format_slcan_line(frame) : "";
-    if (line.empty() || !send(line, deadline_ns)) {
-      ++counters_.write_dropped;
-      continue;
-    }
-    ++num_written;
-    ++unanswered_;
-  }
+  const std::string_view sent = std::string_view(sending_).substr(0, send(sending_, deadline_ns));
+  is_line_cut_ = sent.empty() ? is_line_cut_ : sent.back() != '\r';
+  const auto num_ends = static_cast<std::size_t>(std::count(sent.begin(), sent.end(), '\r'));
+  const std::size_t num_written = num_ends - std::min(num_ends, num_before);
+  unanswered_ += static_cast<std::int64_t>(num_written);
   counters_.written += static_cast<std::int64_t>(num_written);
+  counters_.write_dropped += static_cast<std::int64_t>(frames.size() - num_written);
   return num_written;
 }
 

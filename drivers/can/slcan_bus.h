@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <string>
 #include <vector>
 
@@ -42,6 +41,7 @@ class SlcanBus : public CanBus {
 
  private:
   void watch(int descriptor);
+  void set_timer(std::int64_t first_ns, std::int64_t period_ns);
   bool open_device();
   void close_device(const std::string& why);
   void try_again();
@@ -49,16 +49,21 @@ class SlcanBus : public CanBus {
   void on_line(SlcanLine kind, const CanFrame& frame, std::string_view line);
   void on_answer(std::string_view line, bool is_refused);
   void on_bus_state(std::string_view line);
-  bool send(std::string_view text, std::int64_t deadline_ns);
+  // Sends what it can until the deadline; returns how many bytes that were.
+  std::size_t send(std::string_view text, std::int64_t deadline_ns);
   void tell(const std::string& text) const;
 
   SlcanUrl url_;
   BusOptions options_;
   FileDescriptor wake_;   // epoll over the device and the timer
-  FileDescriptor timer_;  // runs while the device is away
+  FileDescriptor timer_;  // runs while the device is away, or frames wait to be read
   FileDescriptor device_;
   SlcanReader reader_;
-  std::deque<CanFrame> received_;
+  std::vector<CanFrame> received_;
+  std::size_t next_ = 0;    // of received_, to be read
+  bool is_waking_ = false;  // the timer says that frames wait, which the device does not any more
+  std::string sending_;
+  bool is_line_cut_ = false;  // the last line went out in part
   // What was asked and not answered yet: commands of the set-up, then frames.
   std::int64_t unanswered_set_up_ = 0, unanswered_ = 0;
   bool has_refused_ = false;  // told of

@@ -78,15 +78,16 @@ bool parse_frame(std::string_view text, CanFrame& frame) {
 
 }  // namespace
 
-std::string format_slcan_line(const CanFrame& frame) {
-  if (frame.has(CanFrame::kError)) return "";
-  std::string line(1, kind_of(frame));
-  append_hex(frame.identifier, frame.has(CanFrame::kExtended) ? 8 : 3, line);
+bool append_slcan_line(const CanFrame& frame, std::string& text) {
+  if (frame.has(CanFrame::kError)) return false;
+  text += kind_of(frame);
+  append_hex(frame.identifier, frame.has(CanFrame::kExtended) ? 8 : 3, text);
   std::uint32_t code = 0;
   while (kFrameLengths[code] < frame.num_bytes) ++code;
-  append_hex(code, 1, line);
-  for (const std::uint8_t byte : frame.bytes()) append_hex(byte, 2, line);
-  return line + kEnd;
+  append_hex(code, 1, text);
+  for (const std::uint8_t byte : frame.bytes()) append_hex(byte, 2, text);
+  text += kEnd;
+  return true;
 }
 
 SlcanLine parse_slcan_line(std::string_view line, CanFrame& frame) {

@@ -10,9 +10,10 @@
 
 namespace holdfast {
 
-/// The frame as a line of the SLCAN (Lawicel) protocol, carriage return included, FD frames in the
-/// dialect of the CANable 2. Empty for an error frame. Precondition: is_valid(frame).
-std::string format_slcan_line(const CanFrame& frame);
+/// Appends the frame as a line of the SLCAN (Lawicel) protocol, carriage return included, FD frames
+/// in the dialect of the CANable 2. False, and nothing appended, for an error frame. Precondition:
+/// is_valid(frame).
+bool append_slcan_line(const CanFrame& frame, std::string& text);
 
 enum class SlcanLine {
   kFrame,

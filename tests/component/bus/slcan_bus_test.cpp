@@ -146,6 +146,51 @@ TEST_CASE(
   CHECK(bench.bus().counters().refused == 1);
 }
 
+TEST_CASE("frames that came at once and were not all asked for are told of until they are read") {
+  Bench bench;
+  std::string text;
+  for (int i = 0; i < 100; ++i) text += "t1011" + std::string(i % 2 == 0 ? "01" : "02") + "\r";
+  bench.adapter().say(text);
+  std::array<CanFrame, 16> batch;
+  std::size_t num_read = 0;
+  while (num_read < 100) {
+    pollfd readable{bench.bus().file_descriptor(), POLLIN, 0};
+    REQUIRE(poll(&readable, 1, 2000) == 1);
+    const std::size_t count = bench.bus().read(batch);
+    REQUIRE(count > 0);
+    for (std::size_t i = 0; i < count; ++i)
+      CHECK(batch[i].same_on_wire(reading((num_read + i) % 2 == 0 ? 1 : 2)));
+    num_read += count;
+  }
+  CHECK(num_read == 100);
+  pollfd readable{bench.bus().file_descriptor(), POLLIN, 0};
+  CHECK(poll(&readable, 1, 50) == 0);
+}
+
+TEST_CASE("a line that was cut is ended before the next one") {
+  Bench bench;
+  bench.adapter().hear("O\r");
+  // Nobody reads: the line's queue is full at some place within a frame.
+  const std::vector<CanFrame> many(20000, reading(7));
+  const std::size_t written = bench.bus().write(many);
+  CHECK(written < many.size());
+  CHECK(bench.bus().counters().write_dropped == static_cast<std::int64_t>(many.size() - written));
+  std::string heard;
+  for (std::string part = bench.adapter().hear("?"); !part.empty();
+       part = bench.adapter().hear("?"))
+    heard += part;
+  const std::array<CanFrame, 1> one = {reading(9)};
+  CHECK(bench.bus().write(one) == 1);
+  heard += bench.adapter().hear("t101109\r");
+  CHECK(heard.ends_with("\rt101109\r"));
+  std::size_t num_whole = 0;
+  SlcanReader reader;
+  reader.take(heard, [&num_whole](SlcanLine kind, const CanFrame& frame, std::string_view) {
+    if (kind == SlcanLine::kFrame && frame.same_on_wire(reading(7))) ++num_whole;
+  });
+  CHECK(num_whole == written);
+}
+
 TEST_CASE("an adapter that answers, and one that does not, get the same frames") {
   for (const bool answers : {true, false}) {
     Bench bench;

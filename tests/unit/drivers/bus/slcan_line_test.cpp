@@ -18,6 +18,13 @@ CanFrame remote_of(std::uint32_t identifier, std::uint8_t flags, std::uint8_t nu
   return frame;
 }
 
+std::string line_of(const CanFrame& frame) {
+  std::string line;
+  const bool is_appended = append_slcan_line(frame, line);
+  CHECK(is_appended == !line.empty());
+  return line;
+}
+
 struct Line {
   SlcanLine kind;
   CanFrame frame;
@@ -46,12 +53,12 @@ TEST_CASE("frames are lines of the protocol, and back") {
        "B00000055107\r"}};
   for (const auto& [frame, line] : cases) {
     INFO(line);
-    CHECK(format_slcan_line(frame) == line);
+    CHECK(line_of(frame) == line);
     CanFrame back;
     CHECK(parse_slcan_line(line.substr(0, line.size() - 1), back) == SlcanLine::kFrame);
     CHECK(back.same_on_wire(frame));
   }
-  CHECK(format_slcan_line(frame_of(4, CanFrame::kError, std::vector<std::uint8_t>(8, 0))) == "");
+  CHECK(line_of(frame_of(4, CanFrame::kError, std::vector<std::uint8_t>(8, 0))) == "");
 }
 
 TEST_CASE(
@@ -109,7 +116,7 @@ TEST_CASE("whatever bytes come, every frame that is told is one that could be se
   for (int round = 0; round < 20000; ++round) {
     // A sound line, of which a byte is another one every other time, and some noise.
     CanFrame frame = frame_of(random() & 0x7FF, 0, std::vector<std::uint8_t>(random() % 9, 0x5A));
-    std::string bytes = format_slcan_line(frame);
+    std::string bytes = line_of(frame);
     if (random() % 2 == 0) bytes[random() % bytes.size()] = letters[random() % letters.size()];
     if (random() % 8 == 0) bytes += letters[random() % letters.size()];
     for (const Line& line : lines_of(reader, bytes)) {
@@ -117,7 +124,7 @@ TEST_CASE("whatever bytes come, every frame that is told is one that could be se
       if (line.kind != SlcanLine::kFrame) continue;
       ++num_frames;
       REQUIRE(is_valid(line.frame));
-      REQUIRE_FALSE(format_slcan_line(line.frame).empty());
+      REQUIRE_FALSE(line_of(line.frame).empty());
     }
   }
   CHECK(num_frames > 10000);
