@@ -57,7 +57,9 @@ speed_t speed_of(const std::string& url, int baud) {
 
 std::string set_up_commands(const SlcanUrl& url, bool may_write) {
   const auto code = std::find(kBitrates.begin(), kBitrates.end(), url.bitrate) - kBitrates.begin();
-  std::string text = "\rC\rS" + std::to_string(code) + "\r";
+  // Closed twice, since the first may only end what stood on the line. An empty line would do so
+  // too, but not every adapter answers one, and answers are told by their number.
+  std::string text = "C\rC\rS" + std::to_string(code) + "\r";
   if (url.fd_bitrate > 0) text += "Y" + std::to_string(url.fd_bitrate / 1'000'000) + "\r";
   return text + (may_write ? "O\r" : "L\r");
 }
@@ -139,6 +141,7 @@ bool SlcanBus::open_device() {
   const std::string commands = set_up_commands(url_, options_.may_write);
   unanswered_ = 0;
   unanswered_set_up_ = std::count(commands.begin(), commands.end(), '\r');
+  is_opened_to_listen_ = !options_.may_write;
   is_line_cut_ = false;
   return send(commands, monotonic_time_ns() + kSetUp_ns) == commands.size();
 }
@@ -203,12 +206,22 @@ void SlcanBus::on_line(SlcanLine kind, const CanFrame& frame, std::string_view l
   }
 }
 
+// Some adapters know no listen-only; what is not written to is opened like others then.
+void SlcanBus::on_opening_refused() {
+  if (options_.may_write || !std::exchange(is_opened_to_listen_, false))
+    return tell(url_.device + " refuses to be opened");
+  unanswered_set_up_ = 1;
+  send("O\r", monotonic_time_ns() + kSetUp_ns);
+  tell(url_.device + " cannot be opened listen-only: opened, and nothing is written");
+}
+
 // Answers come in order, from adapters that give them: first to the set-up, which may be refused in
 // part, as when a channel that is closed is to be closed.
 void SlcanBus::on_answer(std::string_view line, bool is_refused) {
   if (!line.empty()) unanswered_set_up_ = 0;  // "z" and "Z" are for frames only
   if (unanswered_set_up_ > 0) {
-    --unanswered_set_up_;
+    const bool is_opening = --unanswered_set_up_ == 0;
+    if (is_opening && is_refused) on_opening_refused();
     return;
   }
   if (unanswered_ == 0) return;

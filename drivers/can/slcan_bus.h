@@ -25,7 +25,8 @@ struct SlcanUrl {
 ///
 /// Works with adapters that answer and with those that do not. One that is pulled out is waited
 /// for, said through on_event, and set up again when its device is back; the descriptor stays the
-/// same through this. A bus that is only read is opened listen-only. Receive times are the host's.
+/// same through this. A bus that is only read is opened listen-only, where the adapter can be.
+/// Receive times are the host's.
 class SlcanBus : public CanBus {
  public:
   /// Throws UsageError for a wrong URL and for writing to an adapter that options.owned_urls does
@@ -48,6 +49,7 @@ class SlcanBus : public CanBus {
   void read_device();
   void on_line(SlcanLine kind, const CanFrame& frame, std::string_view line);
   void on_answer(std::string_view line, bool is_refused);
+  void on_opening_refused();
   void on_bus_state(std::string_view line);
   // Sends what it can until the deadline; returns how many bytes that were.
   std::size_t send(std::string_view text, std::int64_t deadline_ns);
@@ -66,6 +68,7 @@ class SlcanBus : public CanBus {
   bool is_line_cut_ = false;  // the last line went out in part
   // What was asked and not answered yet: commands of the set-up, then frames.
   std::int64_t unanswered_set_up_ = 0, unanswered_ = 0;
+  bool is_opened_to_listen_ = false;
   bool has_refused_ = false;  // told of
   char bus_state_ = 'a';
   BusCounters counters_;

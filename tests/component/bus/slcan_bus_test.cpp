@@ -117,8 +117,8 @@ CanFrame reading(std::uint8_t value) {
 
 TEST_CASE("an adapter is closed, told the bitrate, and opened as far as is needed") {
   Bench writer, reader(false);
-  CHECK(writer.adapter().hear("O\r") == "\rC\rS6\rO\r");
-  CHECK(reader.adapter().hear("L\r") == "\rC\rS6\rL\r");
+  CHECK(writer.adapter().hear("O\r") == "C\rC\rS6\rO\r");
+  CHECK(reader.adapter().hear("L\r") == "C\rC\rS6\rL\r");
   const std::array<CanFrame, 1> one = {reading(1)};
   CHECK_THROWS_AS(reader.bus().write(one), std::logic_error);
   BusOptions options;
@@ -144,6 +144,25 @@ TEST_CASE(
   CHECK(frames[2].receive_time_ns > 1'600'000'000'000'000'000);
   CHECK(bench.bus().counters().read == 3);
   CHECK(bench.bus().counters().refused == 1);
+}
+
+TEST_CASE("an adapter that cannot only listen is opened all the same, and that is told") {
+  Bench bench(false);
+  CHECK(bench.adapter().hear("L\r").ends_with("L\r"));
+  bench.adapter().say("\a\r\r\a");
+  CHECK(bench.is_told("cannot be opened listen-only"));
+  CHECK(bench.adapter().hear("O\r") == "O\r");
+  bench.adapter().say("\a");
+  CHECK(bench.is_told("refuses to be opened"));
+  CHECK(bench.adapter().hear("O\r").empty());  // not again and again
+
+  // One that was closed already refuses that alone.
+  Bench closed(false);
+  closed.adapter().hear("L\r");
+  closed.adapter().say("\a\a\r\r");
+  closed.adapter().say("t101101\r");
+  CHECK(closed.frames(1).size() == 1);
+  CHECK_FALSE(closed.is_told("listen-only"));
 }
 
 TEST_CASE("frames that came at once and were not all asked for are told of until they are read") {
@@ -228,7 +247,7 @@ TEST_CASE("an adapter that is pulled out is waited for and set up again") {
   CHECK(bench.bus().counters().write_dropped == 1);
   bench.plug_in();
   CHECK(bench.is_told("is back"));
-  CHECK(bench.adapter().hear("O\r").ends_with("C\rS6\rO\r"));
+  CHECK(bench.adapter().hear("O\r").ends_with("C\rC\rS6\rO\r"));
   CHECK(bench.bus().file_descriptor() == descriptor);
   bench.adapter().say("t101102\r");
   const std::vector<CanFrame> frames = bench.frames(1);
