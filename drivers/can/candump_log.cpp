@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <optional>
 
+#include "drivers/can/hex_bytes.h"
+
 namespace holdfast {
 namespace {
 
@@ -136,11 +138,6 @@ bool read_record(std::string_view line, CandumpRecord& record) {
   return read_frame(line, record.frame);
 }
 
-void append_hex(std::string& text, std::uint32_t value, int num_digits) {
-  constexpr std::string_view kDigits = "0123456789ABCDEF";
-  for (int i = num_digits - 1; i >= 0; --i) text += kDigits[(value >> (4 * i)) & 15];
-}
-
 }  // namespace
 
 CandumpLine parse_candump_line(std::string_view line, CandumpRecord& record) {
@@ -164,9 +161,9 @@ std::string format_candump_line(const CandumpRecord& record) {
   line += record.interface_name;
   line += ' ';
   if (frame.has(CanFrame::kError)) {
-    append_hex(line, frame.identifier | kErrorBit, 8);
+    append_hex(frame.identifier | kErrorBit, 8, line);
   } else {
-    append_hex(line, frame.identifier, frame.has(CanFrame::kExtended) ? 8 : 3);
+    append_hex(frame.identifier, frame.has(CanFrame::kExtended) ? 8 : 3, line);
   }
   line += '#';
   if (frame.has(CanFrame::kRemote)) {
@@ -174,12 +171,11 @@ std::string format_candump_line(const CandumpRecord& record) {
     if (frame.num_bytes > 0) line += static_cast<char>('0' + frame.num_bytes);
   } else if (frame.has(CanFrame::kFd)) {
     line += '#';
-    append_hex(line,
-               (frame.has(CanFrame::kBitRateSwitch) ? kWireBitRateSwitch : 0U) |
+    append_hex((frame.has(CanFrame::kBitRateSwitch) ? kWireBitRateSwitch : 0U) |
                    (frame.has(CanFrame::kErrorStateIndicator) ? kWireErrorState : 0U),
-               1);
+               1, line);
   }
-  for (const std::uint8_t byte : frame.bytes()) append_hex(line, byte, 2);
+  for (const std::uint8_t byte : frame.bytes()) append_hex(byte, 2, line);
   return line;
 }
 

@@ -22,4 +22,11 @@ std::optional<std::vector<std::uint8_t>> parse_hex_bytes(std::string_view text) 
   return bytes;
 }
 
+void append_hex(std::uint32_t value, int num_digits, std::string& text) {
+  constexpr std::string_view kHexDigits = "0123456789ABCDEF";
+  for (int shift = 4 * (num_digits - 1); shift >= 0; shift -= 4) {
+    text += kHexDigits[value >> shift & 0xFU];
+  }
+}
+
 }  // namespace holdfast

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -10,5 +11,9 @@ namespace holdfast {
 /// Bytes written as pairs of hexadecimal digits, "DE AD.beef"; spaces and dots may stand between
 /// pairs. None when it is anything else, or empty.
 std::optional<std::vector<std::uint8_t>> parse_hex_bytes(std::string_view text);
+
+/// Appends the lowest num_digits digits of the value, upper case: as candump and SLCAN adapters
+/// write.
+void append_hex(std::uint32_t value, int num_digits, std::string& text);
 
 }  // namespace holdfast

@@ -3,17 +3,13 @@
 #include <array>
 #include <charconv>
 
+#include "drivers/can/hex_bytes.h"
+
 namespace holdfast {
 namespace {
 
 constexpr char kEnd = '\r', kBell = '\a';
-constexpr std::string_view kDigits = "0123456789ABCDEF";
 constexpr std::size_t kStampDigits = 4;
-
-void append_hex(std::uint32_t value, int num_digits, std::string& text) {
-  for (int shift = 4 * (num_digits - 1); shift >= 0; shift -= 4)
-    text += kDigits[value >> shift & 0xFU];
-}
 
 // Takes so many hexadecimal digits from the front of the text.
 bool take_hex(std::string_view& text, std::size_t num_digits, std::uint32_t& value) {

@@ -8,7 +8,7 @@
 namespace holdfast {
 namespace {
 
-constexpr std::size_t kStates = 4, kReadings = 2;
+constexpr std::size_t kTargetStates = 4, kReadings = 2;
 
 std::vector<double> measurement_variance_of(const TurningTargetOptions& options) {
   if (!options.measurement_variance.empty()) return options.measurement_variance;
@@ -43,7 +43,8 @@ void check(const TurningTargetOptions& options) {
   if (!(options.step_s > 0.0 && std::isfinite(options.turn_rate_degps))) {
     throw UsageError("turning target: step_s must be positive, turn_rate_degps finite");
   }
-  if (options.process_variance.size() != kStates || !are_at_least(options.process_variance, 0.0)) {
+  if (options.process_variance.size() != kTargetStates ||
+      !are_at_least(options.process_variance, 0.0)) {
     throw UsageError("turning target: process_variance must be 4 numbers, none negative");
   }
   if (measurement_variance_of(options).size() != kReadings ||
@@ -84,7 +85,7 @@ void set_radar(const TurningTargetOptions& options, SystemModel& model) {
 void TurningTargetOptions::read(ConfigurationMap& map) {
   map.read("step_s", step_s, kPositive);
   map.read("turn_rate_degps", turn_rate_degps);
-  map.read_shared("process_variance", process_variance, kStates, kNonNegative);
+  map.read_shared("process_variance", process_variance, kTargetStates, kNonNegative);
   const Sensor before = sensor;
   map.read_choice("sensor", sensor, {{"position", Sensor::kPosition}, {"radar", Sensor::kRadar}});
   if (sensor != before) measurement_variance.clear();
