@@ -26,16 +26,23 @@ std::vector<double> read_numbers(ConfigurationMap& map, const char* key, std::si
   return numbers;
 }
 
-void read_replay(ConfigurationMap& map, ReplayDelay& replay) {
+// One number of steps, or [low, high].
+void read_delay(ConfigurationMap& map, StepDelay& delay) {
   map.require("delay_steps");
+  const Interval allowed{1.0, static_cast<double>(StepDelay::kMax)};
   std::vector<double> range = {1.0, 1.0};
-  map.read("delay_steps", range, 2, {1.0, static_cast<double>(ReplayDelay::kMax)});
+  if (std::string one; map.scalar_text("delay_steps", one)) {
+    map.read("delay_steps", range[0], allowed);
+    range[1] = range[0];
+  } else {
+    map.read("delay_steps", range, 2, allowed);
+  }
   if (range.size() != 2) return;
   if (range[0] > range[1] || range[0] != std::floor(range[0]) || range[1] != std::floor(range[1])) {
-    map.problem("delay_steps", "must be [low, high], whole numbers of steps");
+    map.problem("delay_steps", "must be a whole number of steps or [low, high]");
   }
-  replay.low = static_cast<int>(range[0]);
-  replay.high = static_cast<int>(range[1]);
+  delay.low = static_cast<int>(range[0]);
+  delay.high = static_cast<int>(range[1]);
 }
 
 // A replay takes all signals of one frame as they were: it has no number to share or to add.
@@ -111,7 +118,7 @@ void read_values(ConfigurationMap& rule_map, const std::string& folder, AttackRu
       break;
     case Kind::kReplay:
       check_replay(map, rule);
-      read_replay(map, rule.replay);
+      read_delay(map, rule.delay);
       break;
     case Kind::kWaveform:
       rule.waveform.read(map, folder);
@@ -205,6 +212,17 @@ void read_signals_and_values(ConfigurationMap& map, const std::string& folder, A
   read_values(map, folder, rule);
 }
 
+void read_counter(ConfigurationMap& map, AttackRule& rule, const FrameLayout& layout,
+                  const Messages& selected) {
+  rule.counter_signal = layout.counter_signal;
+  const bool is_own_counter = map.has("counter_signal");
+  map.read("counter_signal", rule.counter_signal);
+  if (is_own_counter && !rule.counter_signal.empty()) {
+    check_signal(map, "counter_signal", rule.counter_signal, rule.match, selected);
+  }
+  map.read("counter_offset", rule.counter_offset, {-9.0e15, 9.0e15});
+}
+
 void read_inject(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
                  const FrameLayout& layout, const Messages& selected) {
   read_signals_and_values(map, folder, rule, layout, selected);
@@ -225,15 +243,31 @@ void read_inject(ConfigurationMap& map, const std::string& folder, AttackRule& r
     }
     return;
   }
-  rule.counter_signal = layout.counter_signal;
-  const bool is_own_counter = map.has("counter_signal");
-  map.read("counter_signal", rule.counter_signal);
-  if (is_own_counter && !rule.counter_signal.empty()) {
-    check_signal(map, "counter_signal", rule.counter_signal, rule.match, selected);
-  }
-  map.read("counter_offset", rule.counter_offset, {-9.0e15, 9.0e15});
+  read_counter(map, rule, layout, selected);
   if (selected.empty())
     map.problem("match", "an injection needs a message of the DBC file to forge");
+}
+
+// The signals that a masquerade writes; without any its frames repeat the last genuine one.
+void read_masquerade(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
+                     const FrameLayout& layout, const Messages& selected) {
+  if (map.has("signal") || map.has("signals") || map.has("value")) {
+    read_signals(map, rule, selected);
+    read_values(map, folder, rule);
+  }
+  read_counter(map, rule, layout, selected);
+  if (selected.empty())
+    map.problem("match", "a masquerade needs a message of the DBC file to forge");
+}
+
+// What stands beside the value of an addition that is to stay unnoticed.
+void read_stealth(ConfigurationMap& map, AttackRule& rule) {
+  if (!map.has("stealth")) return;
+  ConfigurationMap stealth = map.map("stealth");
+  stealth.require("residual_most");
+  stealth.read("residual_most", rule.residual_most, {0.0, 1e6});
+  if (rule.is_on_way_back)
+    map.problem("stealth", "commands are no readings: no filter has a residual for them");
 }
 
 void read_bits(ConfigurationMap& map, PayloadEdit& edit, const Messages& selected,
@@ -296,11 +330,21 @@ void read_action(ConfigurationMap& map, const std::string& folder, const FrameLa
     case Action::kDuplicate:
       map.read("copies", rule.copies, {1.0, 100.0});
       break;
+    case Action::kDelay:
+      read_delay(map, rule.delay);
+      map.read("reorder", rule.reorders);
+      break;
     case Action::kSubstitute:
     case Action::kForce:
-    case Action::kAdd:
     case Action::kScale:
       read_signals_and_values(map, folder, rule, layout, selected);
+      break;
+    case Action::kAdd:
+      read_signals_and_values(map, folder, rule, layout, selected);
+      read_stealth(map, rule);
+      break;
+    case Action::kMasquerade:
+      read_masquerade(map, folder, rule, layout, selected);
       break;
     case Action::kInject:
       read_inject(map, folder, rule, layout, selected);

@@ -20,6 +20,7 @@ void to_message(const AttackRecord& record, std::span<const AttackRule> rules, d
   message.actions = static_cast<std::int32_t>(record.actions);
   message.attack_class = rule.attack_class;
   message.saturated = record.is_saturated ? 1 : 0;
+  message.generation = record.generation;
   message.rx_index = record.rx_index;
   message.tx_index = record.tx_index;
   message.draw_index = record.draw_index;
@@ -43,7 +44,7 @@ void to_message(const RuleSignal& signal, std::span<const AttackRule> rules, dou
 bool from_message(const attack_frame_t& message, std::span<const AttackRule> rules,
                   AttackRecord& record) {
   if (message.disposition < attack_frame_t::ALTERED ||
-      message.disposition > attack_frame_t::DUPLICATED)
+      message.disposition > attack_frame_t::RELEASED)
     return false;
   if (message.direction != attack_frame_t::TO_MONITOR &&
       message.direction != attack_frame_t::TO_PLANT)
@@ -56,6 +57,7 @@ bool from_message(const attack_frame_t& message, std::span<const AttackRule> rul
   record.actions = static_cast<std::uint32_t>(message.actions);
   record.is_saturated = message.saturated != 0;
   record.step = message.step;
+  record.generation = message.generation;
   record.rx_index = message.rx_index;
   record.tx_index = message.tx_index;
   record.draw_index = message.draw_index;

@@ -1,6 +1,7 @@
 #include "attacker/attack_rule.h"
 
 #include <algorithm>
+#include <limits>
 #include <set>
 
 #include "attacker/attack_action.h"
@@ -27,7 +28,9 @@ constexpr ActionName kActions[] = {{AttackRule::Action::kDrop, "drop", "suspensi
                                    {AttackRule::Action::kArm, "arm", ""},
                                    {AttackRule::Action::kBits, "bits", "alteration"},
                                    {AttackRule::Action::kFreeze, "freeze", "replay"},
-                                   {AttackRule::Action::kDuplicate, "duplicate", "replay"}};
+                                   {AttackRule::Action::kDuplicate, "duplicate", "replay"},
+                                   {AttackRule::Action::kDelay, "delay", "delay"},
+                                   {AttackRule::Action::kMasquerade, "masquerade", "masquerade"}};
 
 // A condition speaks of a frame that passes both rules; a forged one meets no rule.
 bool can_be_named(const AttackRule& rule) {
@@ -81,7 +84,7 @@ void read_conditions(ConfigurationMap& map, AttackRule& rule,
   // Neither can ever hold: the rule would be dead without a word.
   for (const std::uint32_t index : rule.given) {
     const AttackRule& named = earlier[index];
-    if (named.action == AttackRule::Action::kDrop && rule.action != AttackRule::Action::kInject) {
+    if (suspends(named) && rule.action != AttackRule::Action::kInject) {
       map.problem("given", "'" + named.name + "' drops, and no later rule meets those frames");
     }
     if (std::find(rule.unless.begin(), rule.unless.end(), index) != rule.unless.end()) {
@@ -157,7 +160,38 @@ void read_class(ConfigurationMap& map, AttackRule& rule) {
                    {"fabrication", std::string("fabrication")},
                    {"suspension", std::string("suspension")},
                    {"masquerade", std::string("masquerade")},
-                   {"replay", std::string("replay")}});
+                   {"replay", std::string("replay")},
+                   {"delay", std::string("delay")}});
+}
+
+void read_energy(ConfigurationMap& map, AttackRule& rule) {
+  if (!map.has("energy")) return;
+  ConfigurationMap energy = map.map("energy");
+  energy.require("budget");
+  energy.read("budget", rule.energy.budget, {0.0, std::numeric_limits<double>::max()});
+  energy.read("refill_per_step", rule.energy.refill_per_step,
+              {0.0, std::numeric_limits<double>::max()});
+  if (rule.action == AttackRule::Action::kArm)
+    map.problem("energy", "to arm other rules costs nothing");
+}
+
+// It takes the place of a sender, whole, for as long as its window lasts.
+void check_masquerade(ConfigurationMap& map, const AttackRule& rule) {
+  if (rule.action != AttackRule::Action::kMasquerade) return;
+  const std::pair<const char*, bool> narrowed[] = {{"every", rule.every != 1},
+                                                   {"times", map.has("times")},
+                                                   {"probability", rule.probability != 1.0},
+                                                   {"chain", rule.chain.has_value()},
+                                                   {"given", !rule.given.empty()},
+                                                   {"unless", !rule.unless.empty()},
+                                                   {"energy", rule.energy.is_limited()}};
+  for (const auto& [key, is_narrowed] : narrowed) {
+    if (is_narrowed) map.problem(key, "a masquerade takes all of a sender's frames; use window");
+  }
+  if (!rule.match.signal.empty() || !rule.match.payload.value.empty())
+    map.problem("match", "a masquerade takes all frames of its messages, whatever they hold");
+  if (rule.is_on_way_back)
+    map.problem("action", "commands come when an operator wants, and have no pace to learn");
 }
 
 AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std::string& folder,
@@ -187,8 +221,10 @@ AttackRule read_rule(ConfigurationMap map, const FrameLayout& layout, const std:
   read_conditions(map, rule, earlier);
   read_action(map, folder, layout, selected, rule);
   read_class(map, rule);
+  read_energy(map, rule);
+  check_masquerade(map, rule);
   const bool touches = rule.action != Action::kDrop && rule.action != Action::kArm &&
-                       rule.action != Action::kDuplicate;
+                       rule.action != Action::kDuplicate && rule.action != Action::kDelay;
   if (touches) map.read("repair", rule.repairs);
   check_way_back(map, rule);
   return rule;

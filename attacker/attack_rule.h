@@ -28,10 +28,10 @@ struct ValueDistribution {
   double probability = 0.5;      // bernoulli: 1 with this probability, else 0
 };
 
-/// Values of earlier genuine frames of the same message, for Kind::kReplay: those that the proxy
-/// read first in the step that lies this many steps back; a uniform whole number. A rule does
-/// nothing where there is no such frame.
-struct ReplayDelay {
+/// Steps between what was read and what is sent; a uniform whole number. Of Kind::kReplay: values
+/// of the genuine frame of the same message that the proxy read first in the step that lies so far
+/// back; a rule does nothing where there is none. Of Action::kDelay: how long a frame is held.
+struct StepDelay {
   static constexpr int kMax = 10000;
 
   int low = 1, high = 1;
@@ -48,6 +48,16 @@ struct BurstChain {
 struct PayloadEdit {
   int at = 0;                                 // 0..63
   std::vector<std::uint8_t> keep, set, flip;  // of one size
+};
+
+/// What a rule may spend: the squares of what it adds to signals, in their units, summed; or one
+/// for each frame on which it acts in another way. It does not act where that would cost more than
+/// is left.
+struct EnergyBudget {
+  double budget = std::numeric_limits<double>::infinity();  // at first, and at most
+  double refill_per_step = 0.0;
+
+  bool is_limited() const { return budget != std::numeric_limits<double>::infinity(); }
 };
 
 /// How many frames an injection forges, per step and matched message.
@@ -72,13 +82,16 @@ struct AttackRule {
     kArm = 7,  // touches nothing: other rules refer to it
     kBits = 8,
     kFreeze = 9,  // the signals stay as they were in the first frame on which the rule acted
-    kDuplicate = 10
+    kDuplicate = 10,
+    kDelay = 11,
+    kMasquerade = 12  // suspends a sender and forges its frames at the pace that it had
   };
   enum class Draw { kFrame, kStep };  // kStep: one decision is shared by all frames of a step
   // What shares one draw: nothing, the signals of a frame, or those of all frames of a step.
   enum class ValueDraw { kSignal, kFrame, kStep };
 
   std::string name;
+  bool is_paused = false;  // by whoever controls a running attacker
   AttackMatch match;
   StepWindow window;
   std::int64_t every = 1;  // of the frames on which it might act only each so manieth
@@ -103,7 +116,12 @@ struct AttackRule {
   // Substitute, force, add, scale, inject: one per signal, all of one kind.
   std::vector<ValueDistribution> values;
   ValueDraw value_draw = ValueDraw::kSignal;
-  ReplayDelay replay;          // of that kind
+  StepDelay delay;        // replay, delay
+  bool reorders = false;  // delay: later frames of the identifier may overtake
+  EnergyBudget energy;
+  // Add: what is added is made smaller, to nothing if need be, so that the normalised residual of
+  // the frame, by a Kalman filter of what was sent, is at most this.
+  double residual_most = std::numeric_limits<double>::infinity();
   Waveform waveform;           // of that kind; begins with the first step of the window
   CountDistribution count;     // inject
   std::string counter_signal;  // inject: set to step + counter_offset; "" for none. Of a command,
@@ -112,9 +130,23 @@ struct AttackRule {
 };
 
 const char* to_string(AttackRule::Action action);
+/// True when the rule stays below what a filter would notice.
+inline bool is_stealthy(const AttackRule& rule) {
+  return rule.residual_most != std::numeric_limits<double>::infinity();
+}
+/// True when no frame on which the rule acts goes on.
+inline bool suspends(const AttackRule& rule) {
+  return rule.action == AttackRule::Action::kDrop || rule.action == AttackRule::Action::kMasquerade;
+}
+/// True when the rule makes frames of its own.
+inline bool forges(const AttackRule& rule) {
+  return rule.action == AttackRule::Action::kInject ||
+         rule.action == AttackRule::Action::kMasquerade;
+}
 /// True when whether the rule acts depends on what it or earlier rules did before.
 inline bool is_conditional(const AttackRule& rule) {
   return !rule.given.empty() || !rule.unless.empty() || rule.every != 1 || rule.chain ||
+         rule.energy.is_limited() || is_stealthy(rule) ||
          rule.times != std::numeric_limits<std::int64_t>::max();
 }
 /// True when the rule's chain moves with the steps, not with the frames.

@@ -1,5 +1,7 @@
 #include "attacker/frame_history.h"
 
+#include <algorithm>
+
 namespace holdfast {
 
 void FrameHistory::reach_back(int num_steps) {
@@ -7,6 +9,16 @@ void FrameHistory::reach_back(int num_steps) {
   if (frames_.size() >= length) return;
   frames_.resize(length);
   steps_.assign(length, 0);
+}
+
+void FrameHistory::take_over(const FrameHistory& other) {
+  std::vector<std::size_t> places;
+  for (std::size_t i = 0; i < other.steps_.size(); ++i) {
+    if (other.steps_[i] > 0) places.push_back(i);
+  }
+  // Later steps take the places of earlier ones, as they would have.
+  std::ranges::sort(places, {}, [&other](std::size_t i) { return other.steps_[i]; });
+  for (const std::size_t i : places) remember(other.steps_[i], other.frames_[i]);
 }
 
 void FrameHistory::remember(std::int64_t step, const CanFrame& frame) {

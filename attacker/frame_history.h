@@ -16,6 +16,8 @@ class FrameHistory {
   std::uint32_t key() const { return key_; }
   /// Keeps frames for this many steps back, at least. Forgets what was kept.
   void reach_back(int num_steps);
+  /// Remembers what another one does, as far as it reaches.
+  void take_over(const FrameHistory& other);
   void remember(std::int64_t step, const CanFrame& frame);
   /// The frame of that step; null when none came or it is forgotten.
   const CanFrame* find(std::int64_t step) const;

@@ -1,15 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <vector>
 
-#include "attacker/attack_rule.h"
+#include "attacker/attack_record.h"
 #include "attacker/frame_counter.h"
-#include "attacker/rule_draws.h"
-#include "attacker/rule_table.h"
-#include "common/random_stream.h"
+#include "attacker/frame_hold.h"
+#include "attacker/rule_effects.h"
 #include "drivers/can/can_frame.h"
 #include "drivers/can/command_codec.h"
 #include "drivers/can/dbc.h"
@@ -17,89 +15,26 @@
 
 namespace holdfast {
 
-/// Ground truth of one frame that rules touched: one record per frame, however many rules acted.
-struct AttackRecord {
-  enum class Disposition : std::int32_t {
-    kAltered = 0,
-    kDropped = 1,
-    kInjected = 2,
-    kDuplicated = 3  // a further copy of a frame that was read
-  };
-  enum class Direction : std::int32_t { kToMonitor = 0, kToPlant = 1 };
-
-  Direction direction = Direction::kToMonitor;
-  Disposition disposition = Disposition::kAltered;
-  std::size_t rule =
-      0;  // index of the rule that dropped or forged it, else of the first that acted
-  std::uint32_t actions = 0;   // bit i: a rule with the action of number i acted
-  std::int64_t step = 0;       // of a command that was read, the one at which it is to act
-  std::int64_t rx_index = -1;  // nth frame that the proxy read this way, -1 for an injected one
-  std::int64_t tx_index = -1;  // nth frame that the proxy sent this way, -1 for a dropped one
-  std::int64_t draw_index =
-      0;              // index among the identifier's frames of the step, or among the forged ones
-  double draw = 0.0;  // uniform draw that was compared with the probability
-  bool is_saturated = false;     // a value did not fit its signal
-  CanFrame original, forwarded;  // as read, as sent; empty where there is none
-
-  void note(AttackRule::Action action) { actions |= 1U << static_cast<unsigned>(action); }
-  bool acted(AttackRule::Action action) const {
-    return (actions >> static_cast<unsigned>(action) & 1U) != 0;
-  }
-};
-
-/// Of one direction.
-struct ProxyCounters {
-  std::int64_t received = 0, sent = 0;
-  std::int64_t passed = 0, altered = 0, dropped = 0;  // received = passed + altered + dropped
-  std::int64_t injected = 0, duplicated = 0;  // sent = passed + altered + injected + duplicated
-  std::int64_t odd_ticks = 0;                 // passed on, but they do not move the proxy's step
-
-  bool balance() const {
-    return received == passed + altered + dropped &&
-           sent == passed + altered + injected + duplicated;
-  }
-};
-
-/// What a rule over time makes of a step: signal i of the rule gets values[i].value times factor.
-struct RuleSignal {
-  std::uint32_t rule = 0;
-  std::int64_t step = 0;
-  double factor = 0.0;
-};
-
-/// What is to be sent, and the truth about it; the proxy appends.
-struct ProxyOutput {
-  std::vector<CanFrame> frames;                        // to the monitor-side bus
-  std::vector<CanFrame> commands;                      // to the sensor-side bus
-  std::vector<AttackRecord> records, command_records;  // of each
-  std::vector<RuleSignal> signals;  // of each step that ended, of each rule whose window it is in
-
-  void clear() {
-    frames.clear();
-    commands.clear();
-    records.clear();
-    command_records.clear();
-    signals.clear();
-  }
-};
-
 /// The man in the middle: frames of the sensor-side bus in, frames for the monitor-side bus out;
 /// commands the other way.
 ///
-/// Pure and order-preserving. Frames that no rule touches leave unchanged to the byte. Frames with
-/// the tick's identifier are always passed and no rule can match them. Rules act in their order,
-/// each on what the earlier ones left; no rule sees a frame that was dropped or forged. A frame
-/// that a rule acted on counts as altered even when its bytes came out the same; to arm other rules
-/// is not to act in that sense: it leaves no record. What was touched gets a right checksum at
-/// last, where its message has one and no rule that touched it says otherwise. No allocation once
-/// the output has grown to what a step needs.
+/// Pure and, but for frames that a rule delays, order-preserving; of one identifier a frame
+/// overtakes another only where the rule says so. Frames that are due go out before the first frame
+/// of their step. Frames that no rule touches leave unchanged to the byte. Frames with the tick's
+/// identifier are always passed and no rule can match them. Rules act in their order, each on what
+/// the earlier ones left; no rule sees a frame that was dropped or forged. A frame that a rule
+/// acted on counts as altered even when its bytes came out the same; to arm other rules is not to
+/// act in that sense: it leaves no record. What was touched gets a right checksum at last, where
+/// its message has one and no rule that touched it says otherwise. No allocation once the output
+/// has grown to what a step needs.
 class ProxyCore {
  public:
   /// Draws of rule r come from the stream "attack/<name of r>", addressed by (step, identifier,
   /// index among that identifier's frames of the step, purpose).
   /// Precondition: layout and rules were read without problems. step_s: model time of a step, > 0.
+  /// monitor: asked by rules that are to stay unnoticed; they act unbounded without it.
   ProxyCore(std::vector<AttackRule> rules, const FrameLayout& layout, std::uint64_t seed,
-            std::uint32_t run, double step_s);
+            std::uint32_t run, double step_s, MonitorModel monitor = {});
 
   /// Handles one frame of the sensor-side bus. On the tick of the current step, injected frames go
   /// out before the tick.
@@ -110,6 +45,9 @@ class ProxyCore {
   /// on when it comes by.
   void on_monitor_frame(const CanFrame& frame, ProxyOutput& out);
 
+  /// True for a frame that on_monitor_frame() does not end.
+  bool is_command(const CanFrame& frame) const { return commands_.has_identifier(frame); }
+
   /// Ends the step as its tick would, for a bus without ticks: injects, then moves to the next
   /// step.
   void end_step(ProxyOutput& out);
@@ -118,15 +56,25 @@ class ProxyCore {
   /// frame was handled yet; step > 0.
   void begin_at(std::int64_t step) {
     step_ = step;
-    is_open_.assign(rules_.size(), 0);
-    is_bad_.assign(rules_.size(), 0);
+    is_open_.assign(rules().size(), 0);
+    is_bad_.assign(rules().size(), 0);
     open_rules();
   }
+
+  /// Other rules from now on, at once and whole. A rule goes on as one of the same name left off:
+  /// its draws, counts, chain, energy, and what it remembers. The layout is the one from before.
+  void replace_rules(std::vector<AttackRule> rules, const FrameLayout& layout);
+  /// How often that was done; records say under which rules they were made.
+  std::int64_t generation() const { return generation_; }
+  /// On how many frames a rule acted, or in how many steps a rule that forges.
+  std::int64_t num_acts(std::size_t rule) const { return acts_[rule].count; }
 
   std::int64_t current_step() const { return step_; }
   const ProxyCounters& counters() const { return counters_; }
   const ProxyCounters& command_counters() const { return command_counters_; }
-  const std::vector<AttackRule>& rules() const { return rules_; }
+  const std::vector<AttackRule>& rules() const { return effects_.rules(); }
+  /// Frames that wait for their step.
+  std::size_t num_held() const { return hold_.size(); }
 
  private:
   // What one direction has of its own.
@@ -143,10 +91,13 @@ class ProxyCore {
     std::int64_t chances = 0;  // frames on which it might have acted, steps of an injection
     std::int64_t last_chance = -1;
   };
-  // Copies that a rule wants of the frame that passes.
-  struct Copies {
-    std::uint32_t rule = 0;
-    double draw = 0.0;
+  // What rules made of the frame that passes, beside its bytes and its record.
+  struct Passage {
+    bool is_touched = false, is_saturated = false, is_repaired = true;
+    int delay_steps = 0;
+    bool reorders = false;
+    std::uint32_t delayed_by = 0;  // the first of the rules that do
+    double delay_draw = 0.0;
   };
 
   Way to_monitor(ProxyOutput& out) {
@@ -156,19 +107,26 @@ class ProxyCore {
     return {AttackRecord::Direction::kToPlant, command_counters_, out.commands,
             out.command_records};
   }
+  bool is_in_window(const AttackRule& rule) const;
   void open_rules();
-  void advance_in_time(std::size_t index, bool was_open);
+  void begin_step(std::uint32_t rule, bool was_open);
   bool has_tick_identifier(const CanFrame& frame) const;
   bool is_current_tick(const CanFrame& frame) const;
   std::uint32_t next_index(const CanFrame& frame);
   std::uint32_t next_command_index(std::int64_t step);
 
-  static void pass(const CanFrame& frame, Way way);
+  void pass(const CanFrame& frame, Way way);
   void meet_rules(const CanFrame& frame, std::int64_t rx_index, std::span<const RuleCandidate> list,
                   const DrawPlace& place, Way way);
+  bool meet_rule(const RuleCandidate& candidate, std::int64_t rx_index, const DrawPlace& place,
+                 Way way, Passage& passage);
+  void complete_record(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
+                       const Passage& passage, Way way);
+  bool hold_back(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
+                 Passage& passage, Way way);
+  void release(ProxyOutput& out);
   const FrameProtection* protection_of(const CanFrame& frame) const;
-  void send_copies(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
-                   bool is_saturated, Way way);
+  void send_copies(const AttackRecord& of, std::span<const FrameCopies> copies, Way way);
   void move_chain(std::uint32_t rule, const DrawPlace& place);
   void count_chance(std::uint32_t rule);
   bool decides(const RuleCandidate& candidate, const DrawPlace& place, double& draw);
@@ -176,28 +134,22 @@ class ProxyCore {
   bool can_act(const RuleCandidate& candidate, const CanFrame& frame) const;
   bool is_due(const AttackRule& rule, std::int64_t rx_index) const;
   bool is_due_in_step(const AttackRule& rule) const;
-  bool write_values(const RuleCandidate& candidate, const DrawPlace& place, CanFrame& frame,
-                    bool& is_saturated) const;
-  bool alter(const RuleCandidate& candidate, const DrawPlace& place, CanFrame& frame,
-             bool& is_saturated);
-  void freeze(const RuleCandidate& candidate, CanFrame& frame);
   void inject(const RuleCandidate& candidate, Way way);
+  void send_forged(const RuleCandidate& candidate, const DrawPlace& place, double draw, Way way);
 
-  std::vector<AttackRule> rules_;
-  RuleTable table_;
+  std::uint64_t seed_;
+  std::uint32_t run_;
+  std::int64_t generation_ = 0;
+  RuleEffects effects_;
   CommandCodec commands_;
-  std::vector<RandomStream> streams_;  // one per rule
-  std::vector<char> is_open_;          // per rule: the current step lies in its window
-  std::vector<double> over_time_;      // per rule: waveform or walk in the current step
-  std::vector<Acts> acts_;             // per rule
-  std::vector<char> is_bad_;           // per rule: the state of its chain
-  // By target: what a rule keeps the signals at, once it has acted.
-  std::vector<std::optional<CanFrame>> frozen_;
-  std::vector<Copies> copies_;  // of the frame that passes
+  FrameHold hold_;
+  std::vector<char> is_open_;        // per rule: the current step lies in its window
+  std::vector<Acts> acts_;           // per rule
+  std::vector<char> is_bad_;         // per rule: the state of its chain
+  std::vector<FrameCopies> copies_;  // of the frame that passes
   DbcMessage tick_;
   DbcSignal tick_step_;
   std::uint64_t tick_mask_ = 0;
-  double step_s_;
 
   struct Protected {
     DbcMessage message;

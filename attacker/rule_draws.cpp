@@ -81,8 +81,8 @@ double walk_draw(const AttackRule& rule, const RandomStream& stream, std::uint32
 
 int delay_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place) {
   const double u = stream.uniform(place.step, address(place.key, place.index, kReplayDelay));
-  const int span = rule.replay.high - rule.replay.low + 1;
-  return rule.replay.low + std::min(span - 1, static_cast<int>(u * span));
+  const int span = rule.delay.high - rule.delay.low + 1;
+  return rule.delay.low + std::min(span - 1, static_cast<int>(u * span));
 }
 
 int count_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place) {

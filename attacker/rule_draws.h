@@ -29,7 +29,7 @@ double value_draw(const AttackRule& rule, const RandomStream& stream, std::size_
 /// What a random walk adds in a step.
 double walk_draw(const AttackRule& rule, const RandomStream& stream, std::uint32_t step);
 
-/// Steps back, ReplayDelay::low to high.
+/// Steps back, StepDelay::low to high.
 int delay_draw(const AttackRule& rule, const RandomStream& stream, const DrawPlace& place);
 
 /// How many frames an injection forges of a message; the place's index does not matter.

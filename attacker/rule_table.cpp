@@ -15,8 +15,7 @@ bool needs_signal(const AttackRule& rule) {
 
 // Rules without names and signals act on what has no message in the DBC file, too.
 bool goes_by_identifier(const AttackRule& rule) {
-  return rule.action != AttackRule::Action::kInject && rule.match.messages.empty() &&
-         !needs_signal(rule);
+  return !forges(rule) && rule.match.messages.empty() && !needs_signal(rule);
 }
 
 std::int64_t selecting_value(const DbcSignal& signal) {
@@ -80,16 +79,14 @@ void RuleTable::enter_by_identifier(std::uint32_t index, const AttackRule& rule,
 void RuleTable::enter_by_message(std::uint32_t index, const AttackRule& rule,
                                  const DbcMessage& message, Lists& standard) {
   RuleCandidate candidate{index, -1, 0, 0};
-  if (needs_signal(rule)) {
-    std::optional<RuleTarget> target = make_target(rule, message);
+  if (needs_signal(rule) || forges(rule)) {
+    std::optional<RuleTarget> target = make_target(index, rule, message);
     if (!target) return;
     candidate.target = static_cast<std::int32_t>(targets_.size());
     targets_.push_back(std::move(*target));
   }
-  if (rule.action == AttackRule::Action::kInject) {
-    injections_.push_back(candidate);
-    return;
-  }
+  if (forges(rule)) injections_.push_back(candidate);
+  if (rule.action == AttackRule::Action::kInject) return;
   std::vector<RuleCandidate>& list = rule.is_on_way_back   ? commands_
                                      : message.is_extended ? extended_[message.identifier]
                                                            : standard[message.identifier];
@@ -97,9 +94,11 @@ void RuleTable::enter_by_message(std::uint32_t index, const AttackRule& rule,
   if (list.empty() || list.back().rule != index) list.push_back(candidate);
 }
 
-std::optional<RuleTarget> RuleTable::make_target(const AttackRule& rule,
+std::optional<RuleTarget> RuleTable::make_target(std::uint32_t index, const AttackRule& rule,
                                                  const DbcMessage& message) {
   RuleTarget target;
+  target.rule = index;
+  target.key = frame_key(message.identifier, message.is_extended);
   target.selector = copy_of(message.selector());
   if (!rule.match.signal.empty()) {
     target.compared = copy_of(message.find(rule.match.signal));
@@ -111,9 +110,9 @@ std::optional<RuleTarget> RuleTable::make_target(const AttackRule& rule,
     target.acted_on.push_back(*signal);
   }
   if (replays(rule)) {
-    target.history = history_for(rule, frame_key(message.identifier, message.is_extended));
+    target.history = history_for(rule, target.key);
   }
-  if (rule.action != AttackRule::Action::kInject) return target;
+  if (!forges(rule)) return target;
   target.forged = message.empty_frame();
   for (const DbcSignal& signal : target.acted_on) {
     if (!signal.fits(target.forged.num_bytes)) return std::nullopt;
@@ -131,8 +130,22 @@ std::int32_t RuleTable::history_for(const AttackRule& rule, std::uint32_t key) {
   auto found = std::find_if(histories_.begin(), histories_.end(),
                             [key](const FrameHistory& history) { return history.key() == key; });
   if (found == histories_.end()) found = histories_.emplace(found, key);
-  found->reach_back(rule.replay.high);
+  found->reach_back(rule.delay.high);
   return static_cast<std::int32_t>(found - histories_.begin());
+}
+
+std::size_t RuleTable::find_target(std::size_t rule, std::uint32_t key) const {
+  const auto found = std::ranges::find_if(
+      targets_, [&](const RuleTarget& target) { return target.rule == rule && target.key == key; });
+  return static_cast<std::size_t>(found - targets_.begin());
+}
+
+void RuleTable::take_over(const RuleTable& other) {
+  for (FrameHistory& history : histories_) {
+    for (const FrameHistory& earlier : other.histories_) {
+      if (earlier.key() == history.key()) history.take_over(earlier);
+    }
+  }
 }
 
 void RuleTable::remember(std::int64_t step, const CanFrame& frame) {

@@ -16,10 +16,11 @@ namespace holdfast {
 
 /// Where a rule finds its signals in one message.
 struct RuleTarget {
+  std::uint32_t rule = 0, key = 0;  // whose it is; frame_key() of the message
   std::optional<DbcSignal> compared, selector;
   std::vector<DbcSignal> acted_on;
-  CanFrame forged;                   // injection: the message before value and counter are set
-  std::optional<DbcSignal> counter;  // injection
+  CanFrame forged;  // of a rule that forges: the message before value and counter are set
+  std::optional<DbcSignal> counter;  // of such a rule
   std::int32_t history = -1;         // index into the table's histories, of a rule that replays
 };
 
@@ -46,6 +47,12 @@ class RuleTable {
     return targets_[static_cast<std::size_t>(candidate.target)];
   }
   std::size_t num_targets() const { return targets_.size(); }
+  std::uint32_t target_rule(std::size_t target) const { return targets_[target].rule; }
+  std::uint32_t target_key(std::size_t target) const { return targets_[target].key; }
+  /// The target of a rule in the message of this key; num_targets() when there is none.
+  std::size_t find_target(std::size_t rule, std::uint32_t key) const;
+  /// Remembers what another table does.
+  void take_over(const RuleTable& other);
   bool has_extended() const { return !extended_.empty() || !extended_by_mask_.empty(); }
 
   /// Keeps a frame that some rule may replay.
@@ -62,7 +69,8 @@ class RuleTable {
   void enter_by_identifier(std::uint32_t index, const AttackRule& rule, Lists& standard);
   void enter_by_message(std::uint32_t index, const AttackRule& rule, const DbcMessage& message,
                         Lists& standard);
-  std::optional<RuleTarget> make_target(const AttackRule& rule, const DbcMessage& message);
+  std::optional<RuleTarget> make_target(std::uint32_t index, const AttackRule& rule,
+                                        const DbcMessage& message);
   std::int32_t history_for(const AttackRule& rule, std::uint32_t key);
 
   std::vector<RuleTarget> targets_;

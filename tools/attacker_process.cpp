@@ -15,8 +15,11 @@ constexpr std::int64_t kTurnMax_ns = 100'000'000;
 }  // namespace
 
 AttackerProcess::AttackerProcess(const Experiment& experiment, const std::string& to_url,
-                                 LcmLink* link)
-    : experiment_(experiment), link_(link), core_(experiment.make_proxy(0)) {
+                                 LcmLink* link, AttackerMode mode)
+    : experiment_(experiment),
+      link_(link),
+      core_(experiment.make_proxy(0, mode.is_controlled)),
+      is_dry_(mode.is_dry) {
   if (link_ == nullptr) return;
   status_.emplace(*link_, "attacker");
   if (experiment.record_frames) sent_record_.emplace(*link_, "CAN_TX", to_url, experiment.step_s());
@@ -66,6 +69,7 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
 
 void AttackerProcess::forward(const CanFrame& frame) {
   const std::size_t num_commands = out_.commands.size();
+  if (is_dry_) read_.push_back(frame);
   core_.on_frame(frame, out_);
   if (!is_finished()) return;
   // The plant ends with its last step: nobody is there to obey what is forged when that ends.
@@ -78,12 +82,21 @@ void AttackerProcess::on_monitor_readable(CanBus& from, CanBus& to) {
     count = to.read(batch_);
     out_.clear();
     if (!has_commands()) continue;
-    for (std::size_t i = 0; i < count; ++i) core_.on_monitor_frame(batch_[i], out_);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (is_dry_ && core_.is_command(batch_[i])) read_commands_.push_back(batch_[i]);
+      core_.on_monitor_frame(batch_[i], out_);
+    }
     send(from, to);
   }
 }
 
 void AttackerProcess::send(CanBus& from, CanBus& to) {
+  if (is_dry_) {
+    out_.frames.swap(read_);
+    out_.commands.swap(read_commands_);
+    read_.clear();
+    read_commands_.clear();
+  }
   // Commands first: they are awaited for their steps.
   if (!out_.commands.empty()) from.write(out_.commands);
   if (!out_.frames.empty()) to.write(out_.frames);
@@ -91,6 +104,7 @@ void AttackerProcess::send(CanBus& from, CanBus& to) {
   record(out_.records);
   record(out_.command_records);
   for (const RuleSignal& signal : out_.signals) {
+    if (is_dry_) break;
     to_message(signal, core_.rules(), experiment_.step_s(), attack_signal_);
     link_->publish("ATTACK_SIGNAL", attack_signal_);
   }
@@ -105,7 +119,7 @@ void AttackerProcess::send(CanBus& from, CanBus& to) {
 void AttackerProcess::record(const std::vector<AttackRecord>& records) {
   for (const AttackRecord& touched : records) {
     to_message(touched, core_.rules(), experiment_.step_s(), attack_frame_);
-    link_->publish("ATTACK_FRAME", attack_frame_);
+    link_->publish(is_dry_ ? "ATTACK_LABEL" : "ATTACK_FRAME", attack_frame_);
   }
 }
 
@@ -126,13 +140,18 @@ void AttackerProcess::publish_status(CanBus& from, CanBus& to) {
       {"dropped", frames.dropped},
       {"injected", frames.injected},
       {"duplicated", frames.duplicated},
+      {"held", frames.held},
+      {"released", frames.released},
       {"odd_ticks", frames.odd_ticks},
+      {"generation", core_.generation()},
       {"commands_received", commands.received},
       {"commands_sent", commands.sent - commands_after_end_},
       {"commands_altered", commands.altered},
       {"commands_dropped", commands.dropped},
       {"commands_injected", commands.injected},
       {"commands_duplicated", commands.duplicated},
+      {"commands_held", commands.held},
+      {"commands_released", commands.released},
       {"commands_after_end", commands_after_end_},
       {"bus_kernel_dropped", rx.kernel_dropped + (has_commands() ? tx.kernel_dropped : 0)},
       {"bus_refused", rx.refused + (has_commands() ? tx.refused : 0)},

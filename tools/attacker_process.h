@@ -14,11 +14,17 @@
 
 namespace holdfast {
 
+struct AttackerMode {
+  bool is_dry = false;         // forwards all frames as they are, and only says what it would do
+  bool is_controlled = false;  // rules may change while it runs
+};
+
 /// What holdfast-attacker does: frames from the sensor-side to the monitor-side bus, truth to LCM.
 class AttackerProcess {
  public:
   /// link: null forwards without any record or status.
-  AttackerProcess(const Experiment& experiment, const std::string& to_url, LcmLink* link);
+  AttackerProcess(const Experiment& experiment, const std::string& to_url, LcmLink* link,
+                  AttackerMode mode = {});
 
   void remark(const std::string& text);
   void set_state(ProcessState state);
@@ -36,6 +42,8 @@ class AttackerProcess {
   void on_monitor_readable(CanBus& from, CanBus& to);
   void publish_status(CanBus& from, CanBus& to);
   void flush_record();
+  /// Of a controlled one, for who changes its rules between two calls.
+  ProxyCore& core() { return core_; }
 
  private:
   void forward(const CanFrame& frame);
@@ -49,7 +57,9 @@ class AttackerProcess {
   ProxyCore core_;
   std::array<CanFrame, 64> batch_;
   ProxyOutput out_;
-  std::int64_t commands_after_end_ = 0;  // forged, but not sent any more
+  bool is_dry_;
+  std::vector<CanFrame> read_, read_commands_;  // as they came, to be forwarded when it is dry
+  std::int64_t commands_after_end_ = 0;         // forged, but not sent any more
   std::int64_t recorded_step_ = 1;
   attack_frame_t attack_frame_;
   attack_signal_t attack_signal_;

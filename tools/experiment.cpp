@@ -8,6 +8,7 @@
 
 #include "common/name_list.h"
 #include "drivers/can/can_bus.h"
+#include "tools/monitor_filter.h"
 
 namespace holdfast {
 namespace {
@@ -179,7 +180,26 @@ void read_windows(ConfigurationMap& campaign, Experiment& experiment) {
     map.read("last_step", window.last_step, {1.0, 1e9});
     if (window.last_step < window.first_step) map.problem("last_step", "lies before first_step");
     map.read("fresh_steps", window.fresh_steps, {-1.0, 1e6});
+    for (ConfigurationMap& gap : map.maps("without")) {
+      std::int64_t first = 1, last = 1;
+      gap.require("first_step");
+      gap.read("first_step", first, {1.0, 1e9});
+      gap.require("last_step");
+      gap.read("last_step", last, {1.0, 1e9});
+      if (last < first) gap.problem("last_step", "lies before first_step");
+      window.without.emplace_back(first, last);
+    }
     experiment.windows.push_back(window);
+  }
+}
+
+// The attacker's filter needs a plant with vector readings that he knows.
+void check_stealth(ConfigurationMap& root, const Experiment& experiment) {
+  if (!std::ranges::any_of(experiment.rules, is_stealthy)) return;
+  if (experiment.plant.system() == nullptr || !experiment.plant.command.empty()) {
+    root.problem("attacks",
+                 "stealth needs a plant with vector readings that Holdfast simulates: the attacker "
+                 "runs a Kalman filter of it");
   }
 }
 
@@ -209,6 +229,7 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
   experiment.assembler.num_steps = experiment.num_steps;
   experiment.assembler.step_s = experiment.step_s();
   experiment.rules = read_attack_rules(root, experiment.layout, folder);
+  check_stealth(root, experiment);
   ConfigurationMap network = root.map("network");
   check_command_range(network, experiment);
   read_estimators(root, experiment);
@@ -284,8 +305,11 @@ std::unique_ptr<Estimator> Experiment::make_estimator(const EstimatorEntry& entr
   return entry.make(static_cast<std::uint64_t>(seed), run);
 }
 
-ProxyCore Experiment::make_proxy(std::uint32_t run) const {
-  return ProxyCore(rules, layout, static_cast<std::uint64_t>(seed), run, step_s());
+ProxyCore Experiment::make_proxy(std::uint32_t run, bool may_change) const {
+  const bool has_stealth = std::ranges::any_of(rules, is_stealthy) ||
+                           (may_change && plant.system() != nullptr && plant.command.empty());
+  return ProxyCore(rules, layout, static_cast<std::uint64_t>(seed), run, step_s(),
+                   has_stealth ? make_monitor_model(*plant.system(), layout) : MonitorModel{});
 }
 
 std::unique_ptr<RadioChannel> Experiment::make_radio_channel(std::uint32_t run) const {

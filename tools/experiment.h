@@ -72,7 +72,8 @@ struct Experiment {
 
   std::unique_ptr<Plant> make_plant(std::uint32_t run) const;
   std::unique_ptr<Estimator> make_estimator(const EstimatorEntry& entry, std::uint32_t run) const;
-  ProxyCore make_proxy(std::uint32_t run) const;
+  /// may_change: rules that the scenario has not may come while it runs.
+  ProxyCore make_proxy(std::uint32_t run, bool may_change = false) const;
   /// Null when the scenario has no radio channel.
   std::unique_ptr<RadioChannel> make_radio_channel(std::uint32_t run) const;
 };

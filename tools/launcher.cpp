@@ -216,11 +216,13 @@ class Launcher {
       members_->start("driver",
                       command("holdfast-can-driver", owned({"--bus", network_.monitor_bus})),
                       Role::kOurs);
-      members_->start(
-          "attacker",
-          command("holdfast-attacker", owned({"--ignore-losses", "--from", network_.sensor_bus,
-                                              "--to", network_.monitor_bus})),
-          Role::kOurs);
+      std::vector<std::string> arguments = {"--ignore-losses", "--from", network_.sensor_bus,
+                                            "--to", network_.monitor_bus};
+      if (!options_.control.empty())
+        arguments.insert(arguments.end(), {"--control", options_.control});
+      if (options_.is_dry) arguments.emplace_back("--dry-run");
+      members_->start("attacker", command("holdfast-attacker", owned(std::move(arguments))),
+                      Role::kOurs);
     }
     for (const EstimatorEntry& entry : experiment_.estimators) {
       if (entry.is_outside()) {

@@ -12,6 +12,8 @@ struct LaunchOptions {
   std::string runs_folder = "runs";
   std::string program_folder;  // where the other holdfast programs stand
   std::vector<std::string> owned_buses;
+  std::string control;            // path of the attacker's control socket; "" for none
+  bool is_dry = false;            // the attacker only says what it would do
   double ready_timeout_s = 30.0;  // until every process says that it is ready
   double stall_timeout_s = 20.0;  // without a new step; at least five periods
   bool shows_progress = false;    // a line that is written over; for terminals

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -8,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "attacker/attack_record.h"
 #include "tools/metrics/metrics.h"
 #include "tools/packet_labels.h"
 #include "tools/path_plot.h"
@@ -62,7 +64,7 @@ struct ProcessReview {
 
 struct RuleReview {
   std::string rule, action;
-  std::int64_t altered = 0, dropped = 0, injected = 0, duplicated = 0;
+  std::array<std::int64_t, AttackRecord::kNumDispositions> frames = {};  // by disposition
 };
 
 /// One counter that says that something was lost.

@@ -292,10 +292,8 @@ class LogCollector {
     RuleReview& rule = trace_.rules[key];
     rule.rule = key.first;
     rule.action = key.second;
-    if (message.disposition == attack_frame_t::ALTERED) ++rule.altered;
-    if (message.disposition == attack_frame_t::DROPPED) ++rule.dropped;
-    if (message.disposition == attack_frame_t::INJECTED) ++rule.injected;
-    if (message.disposition == attack_frame_t::DUPLICATED) ++rule.duplicated;
+    if (const auto i = static_cast<std::size_t>(message.disposition); i < rule.frames.size())
+      ++rule.frames[i];
     if (!is_command) trace_.labeler.add_attack(message);
   }
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <numeric>
-#include <optional>
 
 #include "common/subsets.h"
+#include "estimators/mode_pair_theory.h"
 
 namespace holdfast {
 namespace {
@@ -78,21 +78,6 @@ void count_models(ModeCheck& check) {
                         check.attacked_most, actuators, sensors);
 }
 
-// The same topology with the channels of both modes: if that is not strongly detectable, some
-// attack in the one looks like some attack in the other for ever. None for two topologies, where
-// that is no question of zeros of one of them.
-std::optional<bool> are_distinguishable(const ModeSet& modes, int one, int other) {
-  const PlantMode& a = modes.modes[static_cast<std::size_t>(one)];
-  const PlantMode& b = modes.modes[static_cast<std::size_t>(other)];
-  if (a.topology != b.topology) return std::nullopt;
-  std::vector<int> together;
-  std::set_union(a.channels.begin(), a.channels.end(), b.channels.begin(), b.channels.end(),
-                 std::back_inserter(together));
-  return analyse_mode(
-             modes.topologies[static_cast<std::size_t>(a.topology)].with_attack_channels(together))
-      .is_strongly_detectable();
-}
-
 void compare_pairs(const SystemSetup& system, const ModeCheckOptions& options, ModeCheck& check) {
   const auto num_modes = static_cast<int>(check.modes.modes.size());
   if (check.modes.modes.size() > ModeCheck::kComparedMax) return;
@@ -129,7 +114,8 @@ void compare_pairs(const SystemSetup& system, const ModeCheckOptions& options, M
       ModeCheck::Pair pair;
       pair.truth = i;
       pair.rival = j;
-      pair.is_distinguishable = are_distinguishable(check.modes, i, j);
+      pair.is_distinguishable =
+          is_state_common(models[static_cast<std::size_t>(i)], models[static_cast<std::size_t>(j)]);
       const auto compare = [&](const auto& signals) {
         return find_divergence(models[static_cast<std::size_t>(i)],
                                models[static_cast<std::size_t>(j)], rule, start, {signals, input},

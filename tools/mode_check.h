@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,9 +32,9 @@ struct ModeCheck {
 
   struct Pair {
     int truth = 0, rival = 0;
-    // Whether attacks in both modes can be told apart at all: their channels together correctable.
-    // Not known for modes of two topologies.
-    std::optional<bool> is_distinguishable;
+    // Readings that some attack in the one and some in the other explain alike for ever leave no
+    // doubt about the state.
+    bool is_distinguishable = false;
     ModeDivergence attacked, quiet;  // with the scenario's attacks; with none
   };
 

@@ -199,10 +199,10 @@ std::vector<std::string> warnings_of(const ModeCheck& check) {
     if (is_first && (std::isnan(pair.quiet.per_step()) || std::isnan(pair.attacked.per_step()))) {
       warnings.push_back(names + " were not compared: the numbers overflow");
     }
-    if (pair.is_distinguishable == false && is_first) {
+    if (!pair.is_distinguishable && is_first) {
       warnings.push_back(names +
                          " cannot always be told apart: some attack in the one looks like "
-                         "one in the other for ever");
+                         "one in the other for ever, and the states differ");
     }
     if (is_first && std::abs(pair.quiet.per_step()) < kNothing) {
       warnings.push_back(
@@ -290,7 +290,7 @@ std::string to_json(const ModeCheck& check) {
     json["pairs"].push_back(
         {{"truth", check.modes.modes[static_cast<std::size_t>(pair.truth)].name},
          {"rival", check.modes.modes[static_cast<std::size_t>(pair.rival)].name},
-         {"is_distinguishable", pair.is_distinguishable ? Json(*pair.is_distinguishable) : Json()},
+         {"is_distinguishable", pair.is_distinguishable},
          {"divergence_per_step", finite(pair.attacked.per_step())},
          {"delay_steps", pair.attacked.delay_steps()},
          {"quiet_divergence_per_step", finite(pair.quiet.per_step())},

@@ -25,20 +25,6 @@ Json frame_json(const CanFrame& frame, bool is_there) {
   return line.substr(line.rfind(' ') + 1);
 }
 
-const char* disposition_name(AttackRecord::Disposition disposition) {
-  switch (disposition) {
-    case AttackRecord::Disposition::kAltered:
-      return "altered";
-    case AttackRecord::Disposition::kDropped:
-      return "dropped";
-    case AttackRecord::Disposition::kInjected:
-      return "injected";
-    case AttackRecord::Disposition::kDuplicated:
-      return "duplicated";
-  }
-  return "unknown";
-}
-
 // Of all rules that acted on it.
 Json actions_json(const AttackRecord& record) {
   Json names = Json::array();
@@ -54,7 +40,7 @@ Json record_json(const AttackRecord& record, const std::vector<AttackRule>& rule
   const bool is_command = record.direction == AttackRecord::Direction::kToPlant;
   return {{"step", record.step},
           {"direction", is_command ? "to_plant" : "to_monitor"},
-          {"disposition", disposition_name(record.disposition)},
+          {"disposition", AttackRecord::name_of(record.disposition)},
           {"rule", rule.name},
           {"action", to_string(rule.action)},
           {"actions", actions_json(record)},
@@ -66,8 +52,7 @@ Json record_json(const AttackRecord& record, const std::vector<AttackRule>& rule
           {"saturated", record.is_saturated},
           {"original",
            frame_json(record.original, record.disposition != AttackRecord::Disposition::kInjected)},
-          {"forwarded", frame_json(record.forwarded,
-                                   record.disposition != AttackRecord::Disposition::kDropped)}};
+          {"forwarded", frame_json(record.forwarded, record.tx_index >= 0)}};
 }
 
 std::unique_ptr<CandumpWriter> open_log(const std::string& file) {
@@ -154,8 +139,15 @@ std::string summary(const ProxyCore& core, std::int64_t first_step, const BusCou
                      "  frames read " + std::to_string(c.received) + "  passed " +
                      std::to_string(c.passed) + "  altered " + std::to_string(c.altered) +
                      "  dropped " + std::to_string(c.dropped) + "  injected " +
-                     std::to_string(c.injected) + "  duplicated " + std::to_string(c.duplicated) +
-                     "  written " + std::to_string(c.sent) + '\n';
+                     std::to_string(c.injected) + "  duplicated " + std::to_string(c.duplicated);
+  // Only where rules delay: most do not.
+  if (c.held > 0)
+    text += "  held " + std::to_string(c.held) + "  released " + std::to_string(c.released);
+  text += "  written " + std::to_string(c.sent) + '\n';
+  if (core.num_held() > 0) {
+    text += "warning: " + std::to_string(core.num_held()) +
+            " frames were still held when the recording ended\n";
+  }
   if (num_commands > 0) text += "commands forged " + std::to_string(num_commands) + '\n';
   if (in.refused + in.error_frames > 0) {
     text += "left out: " + std::to_string(in.refused) + " broken lines, " +
@@ -197,6 +189,10 @@ std::string attack_offline(const Experiment& experiment, const OfflineAttack& fi
       const std::int64_t step = core.current_step();
       core.on_frame(batch[i], output);
       if (!odd && core.counters().odd_ticks > 0) odd = {step, batch[i]};
+      if (files.is_dry) {
+        output.frames.assign(1, batch[i]);
+        output.commands.clear();
+      }
       stamp(output.frames, batch[i].receive_time_ns);
       stamp(output.commands, batch[i].receive_time_ns);
       out->write(output.frames);

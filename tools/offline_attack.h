@@ -12,6 +12,7 @@ struct OfflineAttack {
   std::string out;       // candump -L log: what the monitor-side bus would have seen
   std::string truth;     // JSON lines, one for each touched frame; "" for none
   std::string commands;  // candump -L log of forged commands; "" for none
+  bool is_dry = false;   // out is what was read; truth says what would have been done
 
   bool is_wanted() const {
     return !in.empty() || !out.empty() || !truth.empty() || !commands.empty();

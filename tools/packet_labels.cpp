@@ -277,7 +277,10 @@ void PacketLabeler::add_attack(const attack_frame_t& attack) {
   if (attack.tx_index < 0) return;
   const bool is_injected = attack.disposition == attack_frame_t::INJECTED ||
                            attack.disposition == attack_frame_t::DUPLICATED;
-  if (!is_injected && attack.disposition != attack_frame_t::ALTERED) return;
+  if (!is_injected && attack.disposition != attack_frame_t::ALTERED &&
+      attack.disposition != attack_frame_t::RELEASED) {
+    return;
+  }
   // A made frame that a later rule changed is still one that no sensor sent.
   LabelledFrame& frame = touched_[attack.tx_index];
   if (frame.label == PacketLabel::kInjected) return;

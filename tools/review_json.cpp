@@ -105,12 +105,10 @@ Json frames_json(const RunReview& review) {
   json["lost_unknown"] = review.frames.lost_unknown;
   json["rules"] = Json::array();
   for (const RuleReview& rule : review.rules) {
-    json["rules"].push_back({{"rule", rule.rule},
-                             {"action", rule.action},
-                             {"altered", rule.altered},
-                             {"dropped", rule.dropped},
-                             {"injected", rule.injected},
-                             {"duplicated", rule.duplicated}});
+    Json entry = {{"rule", rule.rule}, {"action", rule.action}};
+    for (std::size_t i = 0; i < rule.frames.size(); ++i)
+      entry[AttackRecord::name_of(static_cast<AttackRecord::Disposition>(i))] = rule.frames[i];
+    json["rules"].push_back(std::move(entry));
   }
   return json;
 }

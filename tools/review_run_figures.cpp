@@ -65,7 +65,8 @@ Figure packet_figure(const FigureContext& context) {
       attacked[packet.step] += 1.0;
   }
   for (const FrameMark& mark : context.trace.touched) {
-    if (mark.disposition == attack_frame_t::DROPPED) {
+    // One that is held is missing in its step, whatever becomes of it.
+    if (mark.disposition == attack_frame_t::DROPPED || mark.disposition == attack_frame_t::HELD) {
       dropped[mark.step] += 1.0;
     } else if (!has_labels) {
       attacked[mark.step] += 1.0;
@@ -124,10 +125,10 @@ std::vector<Figure> frame_figures(const FigureContext& context) {
   std::vector<Figure> figures;
   Figure marks = step_figure(context, "frames", "Frames that an attack touched", "identifier");
   marks.spans.clear();
-  add_marks(context, attack_frame_t::ALTERED, "altered", marks);
-  add_marks(context, attack_frame_t::DROPPED, "dropped", marks);
-  add_marks(context, attack_frame_t::INJECTED, "injected", marks);
-  add_marks(context, attack_frame_t::DUPLICATED, "duplicated", marks);
+  for (std::size_t i = 0; i < AttackRecord::kNumDispositions; ++i) {
+    const auto disposition = static_cast<AttackRecord::Disposition>(i);
+    add_marks(context, static_cast<std::int32_t>(i), AttackRecord::name_of(disposition), marks);
+  }
   add_foreign_marks(context, marks);
   marks.note = "Foreign: on the monitor-side bus, but never sent by the attacker's proxy.";
   if (!marks.series.empty()) figures.push_back(std::move(marks));

@@ -190,12 +190,19 @@ ReportTable metric_table(const RunReview& review) {
 }
 
 ReportTable rule_table(const RunReview& review) {
-  ReportTable table{
-      "Rules", {"rule", "action", "altered", "dropped", "injected", "duplicated"}, {}, ""};
-  for (const RuleReview& rule : review.rules) {
-    table.rows.push_back({name_text(rule.rule), printable(rule.action, 20),
-                          std::to_string(rule.altered), std::to_string(rule.dropped),
-                          std::to_string(rule.injected), std::to_string(rule.duplicated)});
+  ReportTable table{"Rules", {"rule", "action"}, {}, ""};
+  for (const RuleReview& rule : review.rules)
+    table.rows.push_back({name_text(rule.rule), printable(rule.action, 20)});
+  for (std::size_t i = 0; i < AttackRecord::kNumDispositions; ++i) {
+    const auto disposition = static_cast<AttackRecord::Disposition>(i);
+    const bool is_of_delays = disposition == AttackRecord::Disposition::kHeld ||
+                              disposition == AttackRecord::Disposition::kReleased;
+    const bool is_there = std::ranges::any_of(
+        review.rules, [i](const RuleReview& rule) { return rule.frames[i] != 0; });
+    if (is_of_delays && !is_there) continue;
+    table.header.emplace_back(AttackRecord::name_of(disposition));
+    for (std::size_t r = 0; r < review.rules.size(); ++r)
+      table.rows[r].push_back(std::to_string(review.rules[r].frames[i]));
   }
   return table;
 }

@@ -24,6 +24,11 @@ int main(int argc, char** argv) {
   app.add_option("--stall-timeout", options.stall_timeout_s,
                  "Seconds without a new step that end the run; at least five periods [20]")
       ->check(CLI::Range(0.1, 1e6));
+  app.add_option("--control", options.control,
+                 "Path of a local socket on which holdfast-control changes the attacker's rules");
+  app.add_flag(
+      "--dry-run", options.is_dry,
+      "The attacker forwards all as it is and only says what it would do, on ATTACK_LABEL");
   holdfast::add_owned_buses(app, options.owned_buses);
   return holdfast::run_command_line(app, "holdfast-run", argc, argv, [&] {
     options.program_folder = std::filesystem::read_symlink("/proc/self/exe").parent_path().string();

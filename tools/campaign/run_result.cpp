@@ -59,7 +59,7 @@ void score_packets(const Estimate& estimate, const std::vector<AttackRecord>& re
 // Counts of one run; a map by names would cost more than the scoring.
 struct RunCounters {
   std::int64_t sent = 0, received = 0;
-  std::array<std::int64_t, 4> by_disposition{};
+  std::array<std::int64_t, AttackRecord::kNumDispositions> by_disposition{};
   std::array<std::int64_t, 3> by_command_outcome{};
 
   void add(const Simulation& simulation) {
@@ -72,12 +72,13 @@ struct RunCounters {
   }
 
   std::map<std::string, std::int64_t> by_name() const {
-    constexpr std::array<const char*, 4> kNames = {"frames_altered", "frames_dropped",
-                                                   "frames_injected", "frames_duplicated"};
     std::map<std::string, std::int64_t> counters = {{"frames_sent_by_proxy", sent},
                                                     {"packets_received", received}};
-    for (std::size_t i = 0; i < kNames.size(); ++i)
-      if (by_disposition[i] > 0) counters[kNames[i]] = by_disposition[i];
+    for (std::size_t i = 0; i < by_disposition.size(); ++i) {
+      if (by_disposition[i] == 0) continue;
+      const auto disposition = static_cast<AttackRecord::Disposition>(i);
+      counters[std::string("frames_") + AttackRecord::name_of(disposition)] = by_disposition[i];
+    }
     constexpr std::array<const char*, 3> kOutcomes = {"commands_obeyed", "commands_late",
                                                       "commands_refused"};
     for (std::size_t i = 0; i < kOutcomes.size(); ++i)

@@ -15,6 +15,9 @@ bool is_in(const MetricsWindow& window, const RunMatrix* authentic, std::size_t 
            std::size_t row) {
   const auto step = static_cast<std::int64_t>(row) + 1;
   if (step < window.first_step || step > window.last_step) return false;
+  for (const auto& [from, to] : window.without) {
+    if (step >= from && step <= to) return false;
+  }
   if (window.fresh_steps < 0) return true;
   const std::int64_t first = step - window.fresh_steps;
   if (first < 1) return false;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <set>
+#include <utility>
 
 #include "common/configuration.h"
 
@@ -38,6 +39,26 @@ PaperCampaign read_campaign(ConfigurationMap& map, const std::string& folder) {
   return campaign;
 }
 
+// First point and number of points of the campaign's sweep that a row is about: all of them, or the
+// one of this label.
+std::pair<std::size_t, std::size_t> points_of(ConfigurationMap& map, const Paper& paper,
+                                              const std::string& campaign_name) {
+  const auto campaign =
+      std::find_if(paper.campaigns.begin(), paper.campaigns.end(),
+                   [&](const PaperCampaign& other) { return other.name == campaign_name; });
+  std::string label;
+  map.read("point", label);
+  if (campaign == paper.campaigns.end()) {
+    map.problem("campaign", "'" + campaign_name + "' is none of this paper's campaigns");
+    return {0, 1};
+  }
+  const std::vector<std::string>& labels = campaign->sweep_labels;
+  if (label.empty()) return {0, std::max<std::size_t>(1, labels.size())};
+  const auto found = std::find(labels.begin(), labels.end(), label);
+  if (found == labels.end()) map.problem("point", "the sweep has no '" + label + "'");
+  return {found == labels.end() ? 0 : static_cast<std::size_t>(found - labels.begin()), 1};
+}
+
 // One row, or one for each point of the sweep where `references` lists several.
 void read_row(ConfigurationMap& map, const Paper& paper, PaperTable& table,
               const std::string& table_campaign, std::int64_t reference_runs, bool is_judged) {
@@ -53,22 +74,24 @@ void read_row(ConfigurationMap& map, const Paper& paper, PaperTable& table,
   map.read("label", row.label);
   map.read("control", row.is_control);
   if (map.has("band_max")) map.read("band_max", row.band_max, kPositive);
-  std::vector<double> references, papers, errors;
-  const std::size_t num_points = [&] {
-    for (const PaperCampaign& campaign : paper.campaigns) {
-      if (campaign.name == row.campaign)
-        return std::max<std::size_t>(1, campaign.sweep_values.size());
-    }
-    map.problem("campaign", "'" + row.campaign + "' is none of this paper's campaigns");
-    return std::size_t{1};
-  }();
-  if (is_judged) map.require("references");
+  std::vector<double> references, papers, errors, range;
+  const auto [first_point, num_points] = points_of(map, paper, row.campaign);
+  if (map.has("between")) {
+    map.read("between", range, 2);
+    if (map.has("references")) map.problem("between", "stands in the place of references");
+  } else if (is_judged) {
+    map.require("references");
+  }
+  if (range.size() == 2) {
+    row.lowest = range[0], row.highest = range[1];
+    if (row.highest < row.lowest) map.problem("between", "its second number is below its first");
+  }
   if (map.has("references")) map.read_shared("references", references, num_points);
   if (map.has("standard_errors"))
     map.read_shared("standard_errors", errors, num_points, kNonNegative);
   if (map.has("papers")) map.read_shared("papers", papers, num_points);
   for (std::size_t point = 0; point < num_points; ++point) {
-    row.point = static_cast<std::int64_t>(point);
+    row.point = static_cast<std::int64_t>(first_point + point);
     if (point < references.size()) row.reference = references[point];
     if (point < errors.size()) row.standard_error = errors[point];
     if (point < papers.size()) row.paper = papers[point];

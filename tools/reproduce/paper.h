@@ -24,6 +24,9 @@ struct PaperRow {
   std::int64_t point = 0;                            // of the campaign's sweep
   double paper = kNone;                              // as printed in the paper, where it prints it
   double reference = kNone, standard_error = kNone;  // of the independent implementation
+  // Where only the range of the reference is known: the end that is nearer to our value, or that
+  // value itself where it lies between.
+  double lowest = kNone, highest = kNone;
   std::int64_t reference_runs = 0;  // where no standard error is stated: ours, for that many runs
   // Widest band that still tells something; none: a tenth of the reference. Where that is 0 or its
   // error large, an absolute one says what matters.

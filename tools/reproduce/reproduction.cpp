@@ -91,7 +91,9 @@ ReportTable report_table(const TableResult& result, bool is_quick) {
     std::vector<std::string> cells = {
         row.label,
         number_text(row.row.paper),
-        number_with_error(row.reference.value, row.reference.standard_error),
+        std::isnan(row.row.lowest)
+            ? number_with_error(row.reference.value, row.reference.standard_error)
+            : number_text(row.row.lowest) + " to " + number_text(row.row.highest),
         number_with_error(row.ours.value, row.ours.standard_error),
         verdict_cell(row, result.table.chosen_by_us),
         result.table.chosen_by_us,
@@ -155,13 +157,16 @@ RowResult evaluate(const PaperRow& row, const PaperCampaign& campaign,
       result.ours.standard_error = 1.0 / static_cast<double>(metric->count);
     if (!metric->unit.empty()) result.label += " [" + metric->unit + "]";
     result.reference = {row.reference, row.standard_error};
+    if (!std::isnan(row.lowest)) {
+      result.reference.value = std::clamp(metric->value, row.lowest, row.highest);
+    }
     // Not stated: as large as ours, for as many runs as the reference had.
     if (std::isnan(row.standard_error)) {
       result.reference.standard_error =
           result.ours.standard_error *
           std::sqrt(static_cast<double>(point.num_runs) / static_cast<double>(row.reference_runs));
     }
-    result.is_judged = !std::isnan(row.reference);
+    result.is_judged = !std::isnan(row.reference) || !std::isnan(row.lowest);
     result.verdict = compare(result.ours, result.reference, result.band_max());
     return result;
   }

@@ -48,7 +48,7 @@ attacks:
   message.rule = "nobody";
   CHECK_FALSE(from_message(message, rules, back));
   message.rule = "cut";
-  message.disposition = 4;
+  message.disposition = AttackRecord::kNumDispositions;
   CHECK_FALSE(from_message(message, rules, back));
   message.disposition = attack_frame_t::DUPLICATED;
   message.direction = 2;

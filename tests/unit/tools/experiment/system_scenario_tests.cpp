@@ -139,7 +139,8 @@ TEST_CASE("wrong vector scenarios are told, all problems at once") {
       "ieee14",
       {"plant.model.victims=[3, 15]", "plant.signal_attacks.0.channel=load_bus_77_pu",
        "estimators.hybrid.packet_box={low: 5, high: -10}", "estimators.clairvoyant.input=received",
-       "campaign.windows=[{name: a, first_step: 9, last_step: 2}, {name: a}]"});
+       "campaign.windows=[{name: a, first_step: 9, last_step: 2}, {name: a, without: [{first_step: "
+       "5, last_step: 4}]}]"});
   INFO(text);
   for (const char* part : {"victims", "load_bus_77_pu", "packet_box", "knows the truth",
                            "lies before first_step", "'a' is taken"}) {

@@ -51,6 +51,15 @@ TEST_CASE("a window's metrics are those of its steps alone") {
   CHECK(std::isnan(c.value("missed_detection_rate", "@early")));
 }
 
+TEST_CASE("a window leaves out the stretches that it is without") {
+  Case c;
+  c.options.windows = {{"quiet", 1, 6, -1, {{2, 3}, {5, 5}}}, {"nothing", 2, 3, -1, {{1, 6}}}};
+  // Run 1 has the squares 1, 16, 36; run 2 has 4 and 4, its last being unknown.
+  CHECK(c.value("rmse_over_time", "angle@quiet") ==
+        Approx((std::sqrt(53.0 / 3.0) + 2.0) / 2.0).epsilon(1e-14));
+  CHECK(std::isnan(c.value("rmse_over_time", "angle@nothing")));
+}
+
 TEST_CASE("a fresh window leaves out steps after a loss") {
   Case c;
   c.options.windows = {{"fresh", 3, 6, 1}};

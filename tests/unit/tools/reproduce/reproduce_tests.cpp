@@ -46,14 +46,18 @@ Paper tiny_paper(double reference, double standard_error, bool is_control) {
   return paper;
 }
 
-Reproduction reproduce_tiny(double reference, double standard_error, bool is_control,
-                            bool is_quick) {
+Reproduction reproduce_of(const Paper& paper, bool is_quick) {
   const testing::TemporaryFolder folder;
   ReproductionOptions options;
   options.folder = folder.file("out");
   options.is_quick = is_quick;
   options.num_threads = 1;
-  return reproduce(tiny_paper(reference, standard_error, is_control), options);
+  return reproduce(paper, options);
+}
+
+Reproduction reproduce_tiny(double reference, double standard_error, bool is_control,
+                            bool is_quick) {
+  return reproduce_of(tiny_paper(reference, standard_error, is_control), is_quick);
 }
 
 Verdict compare_by_tenth(const Uncertain& ours, const Uncertain& reference) {
@@ -104,6 +108,25 @@ TEST_CASE("a reproduction fails on a row that differs, and on a control that doe
   CHECK_FALSE(reproduce_tiny(ours.value, ours.value, false, true).has_failed(false));
 }
 
+TEST_CASE(
+    "where only a range is known, a value inside agrees and one outside is held to its nearer "
+    "end") {
+  const Uncertain ours = reproduce_tiny(1000.0, 1.0, false, true).tables[0].rows[0].ours;
+  const auto in_range = [](double lowest, double highest) {
+    Paper paper = tiny_paper(PaperRow::kNone, 0.0, false);
+    paper.tables[0].rows[0].lowest = lowest;
+    paper.tables[0].rows[0].highest = highest;
+    paper.tables[0].rows[0].band_max = 1e9;
+    return reproduce_of(paper, true).tables[0].rows[0];
+  };
+  CHECK(in_range(0.5 * ours.value, 2.0 * ours.value).verdict == Verdict::kAgrees);
+  const double far = 5.0 * ours.standard_error;  // the band is four
+  CHECK(in_range(ours.value + far, 1000.0).verdict == Verdict::kDiffers);
+  CHECK(in_range(0.0, ours.value - far).verdict == Verdict::kDiffers);
+  CHECK(in_range(0.0, ours.value - 3.0 * ours.standard_error).verdict == Verdict::kAgrees);
+  CHECK(in_range(ours.value + far, 1000.0).is_judged);
+}
+
 TEST_CASE("runs are added until a row can be told, or there are enough") {
   const double reference = reproduce_tiny(1000.0, 1.0, false, true).tables[0].rows[0].ours.value;
   CHECK(reproduce_tiny(reference, 0.01, false, false).tables[0].rows[0].num_runs == 40);
@@ -123,7 +146,7 @@ TEST_CASE("a row names what it cannot find") {
 }
 
 TEST_CASE("every paper's file reads, has a row that is wrong on purpose, and names its choices") {
-  for (const std::string name : {"binary_pf"}) {
+  for (const std::string name : {"binary_pf", "gslr", "hbf", "multiple_model"}) {
     const Paper paper = load_paper(kPapers + name + ".yaml");
     CHECK(paper.name == name);
     bool has_control = false;
@@ -155,6 +178,33 @@ TEST_CASE("a wrong paper's file is refused with every problem") {
       problem_of(head + "campaigns: [{name: c, scenario: s}]\n"
                         "tables: [{name: t, campaign: c, rows: [{estimator: e, group: g}]}]\n"),
       Contains("references"));
+  const std::string swept =
+      head + "campaigns: [{name: c, scenario: s, sweep: {key: k, values: [1, 2, 3]}}]\n";
+  CHECK_THAT(problem_of(swept + "tables: [{name: t, campaign: c, rows: [{estimator: e, group: g, "
+                                "point: 4, references: 1, between: [2, 1]}]}]\n"),
+             Contains("no '4'") && Contains("in the place of") && Contains("below its first"));
+}
+
+TEST_CASE("a row is about every point of its campaign's sweep, or about the one it names") {
+  const testing::TemporaryFolder folder;
+  std::ofstream(folder.file("paper.yaml"))
+      << "holdfast_paper: 1\nname: x\n"
+         "campaigns: [{name: c, scenario: s, sweep: {key: k, values: [1, 2, 3], labels: [a, b, "
+         "c]}}]\n"
+         "tables: [{name: t, campaign: c, rows: [{estimator: e, group: g, between: [1, 2]},"
+         " {estimator: e, group: g, point: b, references: 7}]}]\n";
+  const std::vector<PaperRow> rows = load_paper(folder.file("paper.yaml")).tables[0].rows;
+  REQUIRE(rows.size() == 4);
+  for (std::int64_t point = 0; point < 3; ++point) {
+    const PaperRow& row = rows[static_cast<std::size_t>(point)];
+    CHECK(row.point == point);
+    CHECK(row.lowest == 1.0);
+    CHECK(row.highest == 2.0);
+    CHECK(std::isnan(row.reference));
+  }
+  CHECK(rows[3].point == 1);
+  CHECK(rows[3].reference == 7.0);
+  CHECK(std::isnan(rows[3].lowest));
 }
 
 }  // namespace holdfast

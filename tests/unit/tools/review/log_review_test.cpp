@@ -283,7 +283,7 @@ TEST_CASE("packets are labelled and posteriors are scored against the labels") {
   CHECK(estimator(review, "SCORER").packets_scored == 3);
   CHECK(estimator(review, "SCORER").packet_auc.value() == 1.0);
   REQUIRE(review.rules.size() == 1);
-  CHECK(review.rules[0].altered == 1);
+  CHECK(review.rules[0].frames[0] == 1);
   CHECK(review.frames_touched == 1);
   write_labels_csv(review, folder.file("labels.csv"));
   CHECK(read_file(folder.file("labels.csv")) ==
