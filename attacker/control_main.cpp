@@ -1,15 +1,15 @@
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
 
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <fstream>
 #include <iostream>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <thread>
+#include <string>
 
 #include "drivers/file_descriptor.h"
 #include "tools/program_options.h"
@@ -77,9 +77,10 @@ int run(const ControlOptions& options) {
               << "  " << rule["action"].get<std::string>() << "  acted " << rule["acted"] << '\n';
   }
   // Stays, so that its end is what pauses the rules.
-  while (options.order == "watch") {
-    std::this_thread::sleep_for(
-        std::chrono::duration<double>(0.3 * Json::parse(options.argument).get<double>()));
+  const double timeout_s = options.order == "watch" ? std::stod(options.argument) : 0.0;
+  while (timeout_s > 0.0) {
+    pollfd ended{socket.get(), POLLIN, 0};
+    poll(&ended, 1, static_cast<int>(300.0 * timeout_s));
     ask(socket, {{"do", "ping"}});
   }
   return 0;
