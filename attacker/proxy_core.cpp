@@ -29,6 +29,7 @@ ProxyCore::ProxyCore(std::vector<AttackRule> rules, const FrameLayout& layout, s
       run_(run),
       effects_(std::move(rules), layout, seed, run, step_s, std::move(monitor)),
       commands_(layout),
+      sensors_(layout.sensors),
       acts_(effects_.rules().size()),
       is_bad_(effects_.rules().size(), 0),
       standard_counts_(kNumStandard) {
@@ -107,7 +108,7 @@ void ProxyCore::on_frame(const CanFrame& frame, ProxyOutput& out) {
 }
 
 void ProxyCore::on_monitor_frame(const CanFrame& frame, ProxyOutput& out) {
-  if (!commands_.has_identifier(frame)) return;
+  if (!goes_back(frame)) return;
   const std::int64_t rx_index = command_counters_.received++;
   const std::optional<ModeChange> command = commands_.decode(frame);
   // What is no sound command is for the plant to refuse.

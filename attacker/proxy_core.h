@@ -39,14 +39,17 @@ class ProxyCore {
   /// Handles one frame of the sensor-side bus. On the tick of the current step, injected frames go
   /// out before the tick.
   void on_frame(const CanFrame& frame, ProxyOutput& out);
-  /// Handles one frame of the monitor-side bus: a command goes on to the plant, all else ends here.
+  /// Handles one frame of the monitor-side bus: a command goes on to the plant, and so does what a
+  /// driver tells sensors, which meets no rule; all else ends here.
   ///
   /// A command belongs to the step at which it is to act, so that windows and draws do not depend
   /// on when it comes by.
   void on_monitor_frame(const CanFrame& frame, ProxyOutput& out);
 
   /// True for a frame that on_monitor_frame() does not end.
-  bool is_command(const CanFrame& frame) const { return commands_.has_identifier(frame); }
+  bool goes_back(const CanFrame& frame) const {
+    return commands_.has_identifier(frame) || is_for_sensors(sensors_, frame);
+  }
 
   /// Ends the step as its tick would, for a bus without ticks: injects, then moves to the next
   /// step.
@@ -142,6 +145,7 @@ class ProxyCore {
   std::int64_t generation_ = 0;
   RuleEffects effects_;
   CommandCodec commands_;
+  BinarySensors sensors_;
   FrameHold hold_;
   std::vector<char> is_open_;        // per rule: the current step lies in its window
   std::vector<Acts> acts_;           // per rule

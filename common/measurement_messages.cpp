@@ -20,6 +20,12 @@ void to_message(const MeasurementSet& set, measurement_set_t& message) {
     out.num_values = static_cast<std::int32_t>(values.size());
     out.values.assign(values.begin(), values.end());
   }
+  message.num_invalid = static_cast<std::int32_t>(set.invalid.size());
+  message.invalid.resize(set.invalid.size());
+  for (std::size_t i = 0; i < set.invalid.size(); ++i) {
+    message.invalid[i].source = set.invalid[i].source;
+    message.invalid[i].reason = static_cast<std::int32_t>(set.invalid[i].reason);
+  }
 }
 
 void from_message(const measurement_set_t& message, MeasurementSet& set) {
@@ -33,6 +39,8 @@ void from_message(const measurement_set_t& message, MeasurementSet& set) {
     packet.step_counter = in.step_counter;
     set.add(packet, in.values);
   }
+  for (const invalid_reading_t& in : message.invalid)
+    set.invalid.push_back({in.source, static_cast<InvalidReason>(in.reason)});
 }
 
 }  // namespace holdfast

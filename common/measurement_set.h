@@ -16,13 +16,31 @@ struct Packet {
   std::uint32_t num_values = 0;
 };
 
+/// Why a sensor that should have a state has none.
+enum class InvalidReason : std::int32_t {
+  kNone = 0,  // it has one
+  kNeverHeard = 1,
+  kSilent = 2,          // no sign of life for too long
+  kNotOperational = 3,  // it lives, but is not in the state in which it measures
+  kError = 4,           // it says that it is faulty
+  kNotAvailable = 5     // it says that it does not know, or has not said anything yet
+};
+const char* to_string(InvalidReason reason);
+
+/// A sensor whose state is not known in a step; it has no packet then.
+struct InvalidReading {
+  int source = 0;
+  InvalidReason reason = InvalidReason::kNone;
+};
+
 /// Z_k: every packet that arrived for step k, in arrival order; none, one, or many of one source.
 struct MeasurementSet {
   std::int64_t step = 0;   // k, from 1
   std::int64_t utime = 0;  // us, time of validity on the run's clock
   std::int64_t seq = 0;    // of the message that carried it
   std::vector<Packet> packets;
-  std::vector<double> values;  // the packets' values, one packet after the other
+  std::vector<double> values;           // the packets' values, one packet after the other
+  std::vector<InvalidReading> invalid;  // of sensors that keep a state; missing, for estimators
 
   std::span<const double> values_of(const Packet& packet) const {
     return {values.data() + packet.first_value, packet.num_values};
@@ -39,6 +57,7 @@ struct MeasurementSet {
     utime = new_utime;
     packets.clear();
     values.clear();
+    invalid.clear();
   }
 };
 

@@ -6,7 +6,7 @@
 namespace holdfast {
 
 MeasurementAssembler::MeasurementAssembler(const FrameCodec& codec, const AssemblerOptions& options)
-    : codec_(codec), options_(options) {
+    : codec_(codec), options_(options), states_(codec.make_sensor_states()) {
   filling_.clear(step_, utime_of(step_));
 }
 
@@ -24,7 +24,7 @@ const MeasurementSet* MeasurementAssembler::on_frame(const CanFrame& frame) {
   FrameCodec::Decoded decoded = codec_.decode(frame, filling_.values);
   switch (decoded.kind) {
     case FrameCodec::Kind::kUnknown:
-      ++counters_.unknown;
+      take_unknown(frame, rx_index);
       break;
     case FrameCodec::Kind::kWrongFormat:
       ++counters_.wrong_format;
@@ -57,8 +57,32 @@ const MeasurementSet* MeasurementAssembler::on_frame(const CanFrame& frame) {
   return nullptr;
 }
 
+// It is none of a message, but may be a sensor's.
+void MeasurementAssembler::take_unknown(const CanFrame& frame, std::int64_t rx_index) {
+  const SensorStates::Taken taken =
+      states_ ? states_->on_frame(frame, rx_index, step_) : SensorStates::Taken::kUnknown;
+  switch (taken) {
+    case SensorStates::Taken::kTaken:
+      ++counters_.sensor_frames;
+      break;
+    case SensorStates::Taken::kWrongFormat:
+      ++counters_.wrong_format;
+      break;
+    case SensorStates::Taken::kUnknown:
+      ++counters_.unknown;
+      break;
+  }
+}
+
 const MeasurementSet* MeasurementAssembler::close_step() {
   if (is_finished()) return nullptr;
+  if (states_) {
+    states_->sample(step_, filling_);
+    counters_.packets += static_cast<std::int64_t>(filling_.packets.size());
+    counters_.invalid += static_cast<std::int64_t>(filling_.invalid.size());
+    to_sensors_.clear();
+    states_->ask(to_sensors_);
+  }
   std::swap(filling_, closed_);
   closed_.seq = counters_.sets++;
   ++step_;

@@ -83,7 +83,7 @@ void AttackerProcess::on_monitor_readable(CanBus& from, CanBus& to) {
     out_.clear();
     if (!has_commands()) continue;
     for (std::size_t i = 0; i < count; ++i) {
-      if (is_dry_ && core_.is_command(batch_[i])) read_commands_.push_back(batch_[i]);
+      if (is_dry_ && core_.goes_back(batch_[i])) read_commands_.push_back(batch_[i]);
       core_.on_monitor_frame(batch_[i], out_);
     }
     send(from, to);

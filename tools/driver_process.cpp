@@ -37,6 +37,10 @@ void DriverProcess::close_step(CanBus& bus) {
 }
 
 void DriverProcess::send_commands(CanBus& bus) {
+  if (!is_finished() && !assembler_.to_sensors().empty()) {
+    status_.counter("sensor_requests") +=
+        static_cast<std::int64_t>(bus.write(assembler_.to_sensors()));
+  }
   for (const OperatorCommand& command : experiment_.commands) {
     if (command.after_step != set_.step || is_finished()) continue;
     const CanFrame frame = command_codec_.encode(command.change);
@@ -59,6 +63,8 @@ void DriverProcess::publish_status(CanBus& bus) {
   const std::pair<const char*, std::int64_t> values[] = {
       {"frames", frames.frames},
       {"packets", frames.packets},
+      {"sensor_frames", frames.sensor_frames},
+      {"invalid_readings", frames.invalid},
       {"unknown", frames.unknown},
       {"wrong_format", frames.wrong_format},
       {"non_finite", frames.non_finite},

@@ -22,7 +22,9 @@ constexpr Command kCommands[] = {
     {"review", "errors, counters, labels and comparison of logs"},
     {"plant", "simulate the plant of a scenario"},
     {"attacker", "the man in the middle between two buses"},
-    {"can-driver", "frames of a bus to measurement sets"},
+    {"control", "change the rules of a running attacker"},
+    {"can-driver", "frames of a bus to measurement sets; what is on a bus"},
+    {"dbc", "what a DBC file says; frames by it"},
     {"estimator", "run an estimator live or on a log"},
     {"smoother", "look back over a whole log"},
 };

@@ -15,6 +15,7 @@ PlantProcess::PlantProcess(const Experiment& experiment, CanBus* bus, const std:
       status_(link, "plant"),
       plant_(experiment.make_plant(0)),
       codec_(experiment.layout),
+      encoder_(codec_),
       command_codec_(experiment.layout),
       command_record_(link, "CAN_COMMAND", bus_url, experiment.step_s()),
       assembler_(codec_, experiment.assembler),
@@ -24,7 +25,11 @@ void PlantProcess::on_readable() {
   for (std::size_t count = batch_.size(); count == batch_.size();) {
     count = bus_->read(batch_);
     for (std::size_t i = 0; i < count; ++i) {
-      if (command_codec_.has_identifier(batch_[i])) obey(batch_[i]);
+      if (command_codec_.has_identifier(batch_[i])) {
+        obey(batch_[i]);
+      } else {
+        encoder_.on_frame(batch_[i]);
+      }
     }
   }
 }
@@ -44,15 +49,12 @@ void PlantProcess::obey(const CanFrame& frame) {
 
 bool PlantProcess::advance() {
   // What is on its way is for this step already; without commands nothing on the bus is waited for.
-  if (bus_ != nullptr && experiment_.layout.command.exists()) on_readable();
+  if (bus_ != nullptr && experiment_.layout.has_way_back()) on_readable();
   const PlantStep& step = plant_->advance();
   publish_truth(step);
   publish_known_input(step.step);
   frames_.clear();
-  for (std::size_t s = 0; s < step.readings.size(); ++s) {
-    frames_.push_back(codec_.encode(static_cast<int>(s), step.readings[s], step.step));
-  }
-  frames_.push_back(codec_.encode_tick(step.step));
+  encoder_.encode(step.step, step.readings, frames_);
   if (bus_ != nullptr) {
     send();
   } else {
@@ -89,7 +91,7 @@ void PlantProcess::send() {
   status_.counter("frames_sent") += static_cast<std::int64_t>(bus_->write(frames_));
   const BusCounters& bus = bus_->counters();
   status_.counter("bus_write_dropped") = bus.write_dropped;
-  if (experiment_.layout.command.exists()) {
+  if (experiment_.layout.has_way_back()) {
     status_.counter("bus_kernel_dropped") = bus.kernel_dropped;
     status_.counter("bus_refused") = bus.refused;
   }
@@ -101,6 +103,7 @@ void PlantProcess::publish_measurements() {
   for (const CanFrame& frame : frames_) closed = assembler_.on_frame(frame);
   if (closed == nullptr) closed = assembler_.close_step();  // not closed by the tick
   if (closed == nullptr) return;
+  for (const CanFrame& frame : assembler_.to_sensors()) encoder_.on_frame(frame);
   MeasurementSet set = *closed;
   if (radio_) radio_->apply(set);
   to_message(set, measurement_);

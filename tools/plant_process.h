@@ -12,6 +12,7 @@
 #include "common/status.h"
 #include "drivers/can/can_bus.h"
 #include "drivers/can/command_codec.h"
+#include "drivers/can/reading_encoder.h"
 #include "tools/experiment.h"
 #include "tools/frame_record.h"
 
@@ -46,6 +47,7 @@ class PlantProcess {
   StatusReporter status_;
   std::unique_ptr<Plant> plant_;
   FrameCodec codec_;
+  ReadingEncoder encoder_;
   CommandCodec command_codec_;
   FrameRecord command_record_;
   MeasurementAssembler assembler_;

@@ -60,6 +60,8 @@ bool read_rows(const FrameLayout& layout, SystemSetup& setup, ConfigurationMap& 
 }
 
 void take_layout(const FrameLayout& layout, SystemSetup& setup, ConfigurationMap& network) {
+  if (layout.sensors.exist())
+    network.problem("sensors", "are binary; this plant has vector readings: give messages");
   if (read_rows(layout, setup, network)) return;
   int row = 0;
   for (std::size_t source = 0; source < layout.messages.size(); ++source) {

@@ -22,10 +22,12 @@ struct ProgramOptions {
   std::string lcm_url;
   std::vector<std::string> owned_buses;
 
-  void add_scenario(CLI::App& app) {
-    app.add_option("--scenario,scenario", scenario, "Scenario file (YAML)")->required();
+  CLI::Option* add_scenario(CLI::App& app) {
+    CLI::Option* option =
+        app.add_option("--scenario,scenario", scenario, "Scenario file (YAML)")->required();
     app.add_option("--set", overrides, "Override a key: path.to.key=value (repeatable)")
         ->allow_extra_args(false);
+    return option;
   }
   void add_lcm(CLI::App& app) {
     app.add_option("--lcm-url", lcm_url, "LCM URL [$LCM_DEFAULT_URL, else udpm with ttl=0]");

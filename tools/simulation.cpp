@@ -11,6 +11,8 @@ Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
     : experiment_(experiment),
       codec_(experiment.layout),
       command_codec_(experiment.layout),
+      encoder_(codec_),
+      clean_encoder_(codec_),
       plant_(experiment.make_plant(run)),
       proxy_(experiment.make_proxy(run)),
       assembler_(codec_, experiment.assembler),
@@ -29,8 +31,7 @@ Simulation::Simulation(const Experiment& experiment, std::uint32_t run)
   estimates_.resize(entries_.size(), nullptr);
 }
 
-void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
-                          MeasurementAssembler& assembler, bool has_attacker, MeasurementSet& set) {
+void Simulation::pass_bus(MeasurementAssembler& assembler, bool has_attacker, MeasurementSet& set) {
   const auto deliver = [&](const CanFrame& frame) {
     const MeasurementSet* closed = assembler.on_frame(frame);
     if (closed == nullptr) return;
@@ -43,10 +44,7 @@ void Simulation::pass_bus(const std::vector<std::vector<double>>& readings,
     proxy_.on_frame(frame, sent_);
     for (; delivered < sent_.frames.size(); ++delivered) deliver(sent_.frames[delivered]);
   };
-  for (std::size_t source = 0; source < readings.size(); ++source) {
-    pass(codec_.encode(static_cast<int>(source), readings[source], step_));
-  }
-  pass(codec_.encode_tick(step_));
+  for (const CanFrame& frame : frames_) pass(frame);
   if (experiment_.assembler.closed_by_tick) return;
   // Where the driver's own clock closes steps, a simulated one ticks exactly with the plant's.
   const MeasurementSet* closed = assembler.close_step();
@@ -67,9 +65,22 @@ void Simulation::pass_commands() {
       sent_.commands.push_back(frame);
     }
   }
+  for (const CanFrame& frame : assembler_.to_sensors()) {
+    if (experiment_.has_bus()) {
+      proxy_.on_monitor_frame(frame, sent_);
+    } else {
+      sent_.commands.push_back(frame);
+    }
+  }
   command_outcomes_ = {};
   // Nobody is there any more to obey: the plant ends with its last step.
   if (step_ == experiment_.num_steps) sent_.commands.clear();
+  // What is for sensors is no command.
+  std::erase_if(sent_.commands, [this](const CanFrame& frame) {
+    if (command_codec_.has_identifier(frame)) return false;
+    encoder_.on_frame(frame);
+    return true;
+  });
   for (const CanFrame& frame : sent_.commands) {
     const std::optional<ModeChange> command = command_codec_.decode(frame);
     const CommandOutcome outcome = command ? plant_->obey(*command) : CommandOutcome::kRefused;
@@ -155,8 +166,15 @@ bool Simulation::advance() {
   ++step_;
   truth_ = &plant_->advance();
   sent_.clear();
-  pass_bus(truth_->readings, assembler_, true, received_);
-  if (needs_clean_) pass_bus(truth_->clean_readings, clean_assembler_, false, clean_);
+  frames_.clear();
+  encoder_.encode(step_, truth_->readings, frames_);
+  pass_bus(assembler_, true, received_);
+  if (needs_clean_) {
+    frames_.clear();
+    clean_encoder_.encode(step_, truth_->clean_readings, frames_);
+    pass_bus(clean_assembler_, false, clean_);
+    for (const CanFrame& frame : clean_assembler_.to_sensors()) clean_encoder_.on_frame(frame);
+  }
   pass_commands();
   collect_attack();
   if (needs_authentic_) keep_authentic();

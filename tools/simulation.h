@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "drivers/can/command_codec.h"
+#include "drivers/can/reading_encoder.h"
 #include "tools/bounds/clairvoyant_filter.h"
 #include "tools/bus_inputs.h"
 #include "tools/experiment.h"
@@ -55,8 +56,7 @@ class Simulation {
   const std::array<std::int64_t, 3>& command_outcomes() const { return command_outcomes_; }
 
  private:
-  void pass_bus(const std::vector<std::vector<double>>& readings, MeasurementAssembler& assembler,
-                bool has_attacker, MeasurementSet& set);
+  void pass_bus(MeasurementAssembler& assembler, bool has_attacker, MeasurementSet& set);
   void pass_commands();
   void collect_attack();
   bool is_authentic(const Packet& packet) const;
@@ -67,6 +67,8 @@ class Simulation {
   const Experiment& experiment_;
   FrameCodec codec_;
   CommandCodec command_codec_;
+  ReadingEncoder encoder_, clean_encoder_;
+  std::vector<CanFrame> frames_;  // of the plant, of one step
   std::unique_ptr<Plant> plant_;
   ProxyCore proxy_;
   MeasurementAssembler assembler_, clean_assembler_;

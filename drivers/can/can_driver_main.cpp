@@ -4,6 +4,7 @@
 #include "drivers/can/can_bus.h"
 #include "drivers/event_loop.h"
 #include "tools/driver_process.h"
+#include "tools/live_look.h"
 #include "tools/program_options.h"
 
 namespace holdfast {
@@ -14,7 +15,7 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
   LcmLink link(options.lcm_url);
   DriverProcess driver(experiment, link, bus_url);
   BusOptions bus_options;
-  bus_options.may_write = !experiment.commands.empty();
+  bus_options.may_write = !experiment.commands.empty() || experiment.layout.sensors.have_way_back();
   bus_options.owned_urls = options.owned_buses;
   bus_options.on_event = [&driver](const std::string& event) { driver.status().remark(event); };
   const std::unique_ptr<CanBus> bus = open_can_bus(bus_url, bus_options);
@@ -56,6 +57,11 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
   return is_complete ? 0 : 1;
 }
 
+struct DriverOptions : ProgramOptions {
+  std::string bus, dbc;
+  double look_s = 0.0;
+};
+
 }  // namespace
 }  // namespace holdfast
 
@@ -63,14 +69,23 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Reads the monitor-side bus and publishes the measurement set of each step on MEASUREMENT."};
   app.footer(
-      "Example:\n  holdfast-can-driver scenarios/binary_tracking.yaml --bus socketcan:vcan1");
-  holdfast::ProgramOptions options;
-  std::string bus;
-  options.add_scenario(app);
+      "Examples:\n  holdfast-can-driver scenarios/binary_tracking.yaml --bus socketcan:vcan1\n"
+      "  holdfast-can-driver --bus socketcan:can0 --look 10 --dbc vendor.dbc   # what is there?");
+  holdfast::DriverOptions options;
+  options.add_scenario(app)->required(false);
   options.add_lcm(app);
   options.add_owned_bus(app);
-  app.add_option("--bus", bus, "Monitor-side bus URL (read-only, unless the scenario has commands)")
+  app.add_option("--look", options.look_s,
+                 "Instead of a scenario: listen for so many seconds and say what arrives")
+      ->check(CLI::Range(0.1, 1e6));
+  app.add_option("--dbc", options.dbc, "With --look: a DBC file that names what arrives");
+  app.add_option("--bus", options.bus,
+                 "Monitor-side bus URL (read-only, unless the scenario has commands)")
       ->required();
-  return holdfast::run_command_line(app, "holdfast-can-driver", argc, argv,
-                                    [&] { return holdfast::run(options, bus); });
+  return holdfast::run_command_line(app, "holdfast-can-driver", argc, argv, [&] {
+    if (options.look_s > 0.0)
+      return holdfast::look_at_bus(options.bus, options.dbc, options.look_s);
+    if (options.scenario.empty()) throw holdfast::UsageError("a scenario is needed, or --look");
+    return holdfast::run(options, options.bus);
+  });
 }

@@ -75,6 +75,11 @@ FrameCodec::FrameCodec(const FrameLayout& layout)
     }
   };
   enter(tick_, kTickEntry);
+  if (layout.sensors.exist()) {
+    sensors_ = layout.sensors;
+    dbc_ = layout.dbc;
+    return;
+  }
   for (const std::string& name : layout.messages) {
     Entry entry = make_entry(layout, name);
     if (entry.counter) counter_mask_ = mask_of(*entry.counter);
@@ -82,6 +87,16 @@ FrameCodec::FrameCodec(const FrameLayout& layout)
     messages_.push_back(std::move(entry));
   }
   std::sort(entry_of_extended_.begin(), entry_of_extended_.end());
+}
+
+std::optional<SensorStates> FrameCodec::make_sensor_states() const {
+  return sensors_.exist() ? std::optional<SensorStates>(std::in_place, sensors_, dbc_)
+                          : std::nullopt;
+}
+
+std::optional<SensorTwins> FrameCodec::make_sensor_twins() const {
+  return sensors_.exist() ? std::optional<SensorTwins>(std::in_place, sensors_, dbc_)
+                          : std::nullopt;
 }
 
 CanFrame FrameCodec::encode(int source, std::span<const double> values, std::int64_t step) const {

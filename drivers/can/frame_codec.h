@@ -12,6 +12,8 @@
 #include "drivers/can/can_frame.h"
 #include "drivers/can/dbc.h"
 #include "drivers/can/frame_protection.h"
+#include "drivers/sensors/binary_sensors.h"
+#include "drivers/sensors/sensor_states.h"
 
 namespace holdfast {
 
@@ -40,13 +42,18 @@ struct FrameLayout {
   std::string tick_signal = "STEP";
   CommandLayout command;  // its names of modes are the plant's, which is not known here
   std::vector<FrameProtection> protection;
+  // In place of messages and signals, which then hold the sensors' names and "STATE".
+  BinarySensors sensors;
+
+  /// True when frames go from the monitor-side to the sensor-side bus.
+  bool has_way_back() const { return command.exists() || sensors.have_way_back(); }
 
   /// Null for a message that is not protected.
   const FrameProtection* find_protection(const std::string& message) const;
 
   /// Reads the keys dbc (a file, relative to the folder) or dbc_text (its text), messages, signals,
-  /// counter_signal, tick.message, tick.signal, command.message, command.mode, command.step and
-  /// protection.
+  /// counter_signal, tick.message, tick.signal, command.message, command.mode, command.step,
+  /// protection, and in place of messages and signals sensors and sensor_options.
   ///
   /// The resolved document holds dbc_text in place of dbc, so that it needs no other file. Reported
   /// on the map: each problem of the DBC, names that it lacks, and what a codec cannot be made of.
@@ -61,6 +68,9 @@ class FrameCodec {
   explicit FrameCodec(const FrameLayout& layout);
 
   std::size_t num_sources() const { return messages_.size(); }
+  /// None where each reading is a message, which encode() and decode() speak of.
+  std::optional<SensorStates> make_sensor_states() const;
+  std::optional<SensorTwins> make_sensor_twins() const;
 
   /// The frame that carries the values of one source for one step, protected; a value beyond its
   /// signal's range saturates. Precondition: source is in range, one value for each of the layout's
@@ -116,6 +126,8 @@ class FrameCodec {
   DbcSignal tick_step_;
   std::uint64_t counter_mask_ = 0;  // 0: no counter
   std::uint64_t tick_mask_ = 0;
+  BinarySensors sensors_;
+  Dbc dbc_;  // of the sensors
 };
 
 }  // namespace holdfast

@@ -231,6 +231,15 @@ class LayoutCheck {
   int counter_bits_ = 0;
 };
 
+// Sensors say what they send by themselves.
+void refuse_message_keys(ConfigurationMap& map) {
+  for (const char* key : {"messages", "signals", "counter_signal", "protection"}) {
+    if (!map.has(key)) continue;
+    map.problem(key, "stands in place of sensors: give either");
+    map.raw(key);
+  }
+}
+
 }  // namespace
 
 const FrameProtection* FrameLayout::find_protection(const std::string& message) const {
@@ -243,11 +252,16 @@ const FrameProtection* FrameLayout::find_protection(const std::string& message) 
 void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
   std::string text;
   const std::string name = read_dbc_text(map, folder, text);
-  map.require("messages");
-  map.read("messages", messages);
-  map.require("signals");
-  map.read("signals", signals);
-  map.read("counter_signal", counter_signal);
+  const bool has_sensors = map.has("sensors");
+  if (has_sensors) {
+    refuse_message_keys(map);
+  } else {
+    map.require("messages");
+    map.read("messages", messages);
+    map.require("signals");
+    map.read("signals", signals);
+    map.read("counter_signal", counter_signal);
+  }
   ConfigurationMap tick = map.map("tick");
   tick.read("message", tick_message);
   tick.read("signal", tick_signal);
@@ -265,15 +279,21 @@ void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
   if (map.has("signals") && signals.empty())
     map.problem("signals", "at least one signal is needed");
   if (name.empty()) {
+    if (has_sensors) map.raw("sensors");
     map.raw("protection");
     return;
   }
   dbc = parse_dbc(text);
-  protection = read_protection(map, dbc, messages);
+  if (has_sensors) {
+    sensors.read(map, dbc);
+    signals = {"STATE"};
+    for (const BinarySensor& sensor : sensors.list) messages.push_back(sensor.name);
+  }
+  if (!has_sensors) protection = read_protection(map, dbc, messages);
   report_dbc_problems(dbc, name, map);
   LayoutCheck check(*this, map);
   check.check_tick(tick);
-  check.check_messages();
+  if (!has_sensors) check.check_messages();
   if (command.exists()) check.check_command(map.map("command"));
   check.check_codec();
 }

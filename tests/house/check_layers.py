@@ -23,7 +23,7 @@ LAYERS = {
     "tools": {"tools", "plant", "attacker", "estimators", "drivers", "common"},
 }
 # The attacker sees frames and their layout, and nothing else of the drivers.
-EXCEPTIONS = {"attacker": "drivers/can/"}
+EXCEPTIONS = {"attacker": ("drivers/can/", "drivers/sensors/")}
 
 
 def is_main(path):

@@ -134,6 +134,27 @@ class EqualTest(RunTest):
         self.assertEqual(signals, [(k, 1) for k in range(1, 41)])
         self.assertEqual([w for w in run.review()["warnings"] if "command" in w], [])
 
+    def test_canopen_nodes_that_wait_for_a_start_and_are_unplugged(self):
+        """Heartbeats and inputs on the way to the driver, its NMT commands on the way back; delayed and forged frames."""
+        rules = ("[{name: late, match: {messages: [Inputs2]}, window: {first_step: 10, last_step: 14}, action: delay, delay_steps: [1, 3]}, "
+                 "{name: mask, match: {messages: [Life1]}, window: {first_step: 20, last_step: 25}, action: masquerade}]")
+        run = self.check(network_scenario("binary_canopen"), ("secure", "trusting"), sets(
+            attacks=rules, network__sensor_options__nodes_start_themselves="false",
+            network__sensor_options__outages="[{sensor: node 2 input 1, first_step: 30, last_step: 33}]",
+            period_s=0.02 * harness.PATIENCE))
+        invalid = {}
+        for channel, payload in harness.read_log(run.log):
+            if channel == "MEASUREMENT":
+                message = holdfast.measurement_set_t.decode(payload)
+                self.assertEqual(message.num_packets + message.num_invalid, 16)
+                if message.num_invalid:
+                    invalid[message.step] = {(reading.source // 8, reading.reason) for reading in message.invalid}
+        reason = holdfast.invalid_reading_t
+        waiting, silent = reason.NOT_OPERATIONAL, reason.SILENT
+        # Unplugged after its heartbeat of step 29, silent from the second step on, back in step 34 and started after it.
+        self.assertEqual(invalid, {1: {(0, waiting), (1, waiting)}, 31: {(1, silent)}, 32: {(1, silent)}, 33: {(1, silent)},
+                                   34: {(1, waiting)}})
+
     def test_an_attack_a_hundred_times_as_large_changes_no_estimate(self):
         """To the bit, though the signals are rounded: no mode looks at those that may be attacked."""
         def estimates(name, **values):

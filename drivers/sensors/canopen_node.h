@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/measurement_set.h"
+#include "drivers/can/can_frame.h"
+#include "drivers/sensors/binary_sensors.h"
+
+namespace holdfast {
+
+/// States of a CANopen node, as heartbeats tell them (CiA 301).
+enum class CanopenState : std::uint8_t {
+  kBootUp = 0x00,
+  kStopped = 0x04,
+  kOperational = 0x05,
+  kPreOperational = 0x7F
+};
+
+CanFrame canopen_frame(std::uint32_t identifier, const std::vector<std::uint8_t>& bytes);
+
+/// What is known of a node with digital inputs (CiA 401), from its heartbeats, its first TPDO, its
+/// emergencies and its answers to node guarding. Pure.
+class CanopenRemote {
+ public:
+  explicit CanopenRemote(int node) : node_(static_cast<std::uint32_t>(node)) {}
+
+  int node() const { return static_cast<int>(node_); }
+  /// True for a frame that this node sends.
+  bool sends(const CanFrame& frame) const;
+  /// Takes such a frame; false when its length or form is none that such a frame has.
+  bool on_frame(const CanFrame& frame, std::int64_t step);
+  /// Whether its inputs are known in this step, and why not.
+  InvalidReason reason(std::int64_t step, const BinarySensors& options) const;
+  /// Input i is bit i - 1.
+  std::uint64_t inputs() const { return inputs_; }
+  /// True when it is heard, and not operational.
+  bool wants_start() const { return last_life_step_ > 0 && state_ != CanopenState::kOperational; }
+  CanFrame start_command() const {
+    return canopen_frame(0x000, {0x01, static_cast<std::uint8_t>(node_)});
+  }
+  CanFrame guard_request() const;
+
+ private:
+  std::uint32_t node_;
+  CanopenState state_ = CanopenState::kBootUp;
+  std::int64_t last_life_step_ = 0;  // 0: never
+  bool has_inputs_ = false;
+  std::uint64_t inputs_ = 0;
+  std::uint16_t emergency_ = 0;
+};
+
+/// A simulated node with digital inputs.
+class CanopenDevice {
+ public:
+  /// num_inputs: 1..64.
+  CanopenDevice(int node, int num_inputs, const BinarySensors& options);
+
+  /// Appends what the node sends in a step in which its inputs are these. is_silent: it is pulled
+  /// out; when it is back, it boots anew.
+  void step(std::uint64_t inputs, bool is_silent, std::vector<CanFrame>& frames);
+  /// Network management and node guarding, taken before the next step.
+  void on_frame(const CanFrame& frame);
+  CanopenState state() const { return state_; }
+
+ private:
+  void boot(std::vector<CanFrame>& frames);
+
+  std::uint32_t node_;
+  std::size_t num_bytes_;
+  std::int64_t heartbeat_steps_, repeat_steps_;
+  bool starts_itself_;
+  CanopenState state_ = CanopenState::kBootUp;
+  bool is_on_ = false, is_asked_ = false, toggle_ = false, must_tell_ = false;
+  std::uint64_t inputs_ = 0;
+  std::int64_t since_told_ = 0, since_heartbeat_ = 0;
+};
+
+}  // namespace holdfast

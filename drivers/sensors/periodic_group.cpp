@@ -1,0 +1,91 @@
+#include "drivers/sensors/periodic_group.h"
+
+#include <algorithm>
+
+namespace holdfast {
+namespace {
+
+constexpr std::uint64_t kError = 2;
+
+}  // namespace
+
+PeriodicGroup::PeriodicGroup(const BinarySensor& first, const Dbc& dbc) : first_(first) {
+  if (first.protocol == BinarySensor::Protocol::kDbc) {
+    message_ = require_message(dbc, first.message);
+    return;
+  }
+  message_.identifier = j1939_identifier(first.group_number, first.source_address);
+  message_.is_extended = true;
+  message_.num_bytes = 8;
+}
+
+bool PeriodicGroup::holds(const BinarySensor& sensor) const {
+  if (sensor.protocol != first_.protocol) return false;
+  if (sensor.protocol == BinarySensor::Protocol::kDbc) return sensor.message == first_.message;
+  return sensor.group_number == first_.group_number &&
+         sensor.source_address == first_.source_address && sensor.instance == first_.instance;
+}
+
+std::size_t PeriodicGroup::add(const BinarySensor& sensor) {
+  DbcSignal signal;
+  if (sensor.protocol == BinarySensor::Protocol::kDbc) {
+    signal = require_signal(message_, sensor.signal);
+  } else {
+    signal.start_bit = sensor.start_bit;
+    signal.num_bits = 2;
+  }
+  states_.push_back({signal, 0});
+  return states_.size() - 1;
+}
+
+bool PeriodicGroup::is_one(const CanFrame& frame) const {
+  if (first_.protocol == BinarySensor::Protocol::kDbc)
+    return frame.identifier == message_.identifier &&
+           frame.has(CanFrame::kExtended) == message_.is_extended;
+  // Priority is for the bus, destination for whom it is sent to: neither says what it is.
+  const bool is_group = frame.has(CanFrame::kExtended) &&
+                        j1939_group_number(frame.identifier) == first_.group_number &&
+                        static_cast<int>(frame.identifier & 0xFFU) == first_.source_address;
+  return is_group && (first_.instance < 0 || frame.num_bytes == 0 ||
+                      frame.data[0] == static_cast<std::uint8_t>(first_.instance));
+}
+
+bool PeriodicGroup::on_frame(const CanFrame& frame, std::int64_t step) {
+  const bool is_dbc = first_.protocol == BinarySensor::Protocol::kDbc;
+  if (frame.has(CanFrame::kRemote) || (is_dbc && !message_.matches(frame))) return false;
+  if (!is_dbc && frame.has(CanFrame::kFd)) return false;
+  const bool fits = std::ranges::all_of(
+      states_, [&frame](const State& state) { return state.signal.fits(frame.num_bytes); });
+  if (!fits) return false;
+  for (State& state : states_) {
+    // In a frame in which the multiplexer selects others the state stays as it was.
+    if (is_dbc && !message_.carries(state.signal, frame.bytes())) continue;
+    state.raw = state.signal.raw(frame.bytes());
+  }
+  last_step_ = step;
+  return true;
+}
+
+InvalidReason PeriodicGroup::reason(std::size_t place, std::int64_t step,
+                                    const BinarySensors& options) const {
+  if (last_step_ == 0) return InvalidReason::kNeverHeard;
+  if (step - last_step_ >= options.timeout_steps) return InvalidReason::kSilent;
+  const State& state = states_[place];
+  if (state.raw < kError) return InvalidReason::kNone;
+  const std::uint64_t all_ones =
+      state.signal.num_bits >= 64 ? UINT64_MAX : (std::uint64_t{1} << state.signal.num_bits) - 1;
+  return state.raw == all_ones ? InvalidReason::kNotAvailable : InvalidReason::kError;
+}
+
+CanFrame PeriodicGroup::encode(const std::vector<bool>& states) const {
+  CanFrame frame = message_.empty_frame();
+  if (first_.protocol == BinarySensor::Protocol::kJ1939) {
+    std::fill_n(frame.data.begin(), frame.num_bytes, std::uint8_t{0xFF});
+    if (first_.instance >= 0) frame.data[0] = static_cast<std::uint8_t>(first_.instance);
+  }
+  for (std::size_t i = 0; i < states_.size(); ++i)
+    states_[i].signal.set_raw({frame.data.data(), frame.num_bytes}, states[i] ? 1 : 0);
+  return frame;
+}
+
+}  // namespace holdfast

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/measurement_set.h"
+#include "drivers/can/can_frame.h"
+#include "drivers/can/dbc.h"
+#include "drivers/sensors/binary_sensors.h"
+
+namespace holdfast {
+
+/// A frame that tells the states of some sensors again and again: a J1939 or NMEA 2000 parameter
+/// group with two-bit states (0, 1, 2: error, 3: not available), or a message of a DBC file, whose
+/// one-bit signals say 0 or 1 and whose wider ones also 2 or more: error, all ones: not available.
+/// Both ends of it. Pure.
+class PeriodicGroup {
+ public:
+  /// Precondition: the sensor is of J1939, or its message and signal are in the DBC.
+  PeriodicGroup(const BinarySensor& first, const Dbc& dbc);
+
+  /// True for a sensor that stands in the same frame.
+  bool holds(const BinarySensor& sensor) const;
+  /// Its place among the group's states.
+  std::size_t add(const BinarySensor& sensor);
+
+  bool is_one(const CanFrame& frame) const;
+  /// Takes such a frame; false when it is too short, or not of the message's form.
+  bool on_frame(const CanFrame& frame, std::int64_t step);
+  InvalidReason reason(std::size_t place, std::int64_t step, const BinarySensors& options) const;
+  bool state(std::size_t place) const { return states_[place].raw == 1; }
+
+  /// The frame that says these states, all else not available (J1939) or zero (DBC).
+  CanFrame encode(const std::vector<bool>& states) const;
+
+ private:
+  struct State {
+    DbcSignal signal;
+    std::uint64_t raw = 0;
+  };
+
+  BinarySensor first_;
+  DbcMessage message_;
+  std::vector<State> states_;
+  std::int64_t last_step_ = 0;  // 0: never heard
+};
+
+}  // namespace holdfast

@@ -1,0 +1,94 @@
+// The list of sensors as a scenario states it.
+#include "drivers/sensors/binary_sensors.h"
+
+#include "tests/support/catch.h"
+
+namespace holdfast {
+namespace {
+
+BinarySensors read(const std::string& yaml) {
+  static const Dbc dbc = parse_dbc(
+      "VERSION \"\"\nBU_: V\nBO_ 256 Level: 1 V\n SG_ HIGH : 0|1@1+ (1,0) [0|1] \"\" V\n"
+      " SG_ LOW : 1|1@1- (1,0) [0|1] \"\" V\n");
+  ConfigurationDocument document = ConfigurationDocument::from_text(yaml, "t");
+  BinarySensors sensors;
+  ConfigurationMap root = document.root();
+  sensors.read(root, dbc);
+  document.finish();
+  return sensors;
+}
+
+std::string problem_of(const std::string& yaml) {
+  try {
+    read(yaml);
+  } catch (const ConfigurationError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+bool says(const std::string& yaml, const std::string& part) {
+  const std::string text = problem_of(yaml);
+  UNSCOPED_INFO(text);
+  return text.find(part) != std::string::npos;
+}
+
+}  // namespace
+
+TEST_CASE("sensors of three protocols stand in one list, with names by what they are") {
+  const BinarySensors sensors = read(
+      "sensors:\n"
+      "  - {canopen: {node: 5, input: 64}, invert: true}\n"
+      "  - {j1939: {pgn: 127501, source: 33, instance: 0, item: 28}}\n"
+      "  - {j1939: {pgn: 65241, source: 0x21, start_bit: 6}, name: brake}\n"
+      "  - {dbc: {message: Level, signal: HIGH}}\n"
+      "sensor_options: {timeout_steps: 5, outages: [{sensor: brake, first_step: 3, last_step: "
+      "7}]}");
+  REQUIRE(sensors.list.size() == 4);
+  CHECK(sensors.list[0].is_inverted);
+  CHECK(sensors.list[0].name == "node 5 input 64");
+  CHECK(sensors.list[1].start_bit == 62);
+  CHECK(sensors.list[2].name == "brake");
+  CHECK(sensors.list[2].source_address == 33);
+  CHECK(sensors.list[3].name == "Level.HIGH");
+  CHECK(sensors.timeout_steps == 5);
+  CHECK(sensors.outages.at(0).last_step == 7);
+  CHECK(sensors.have_way_back());
+  CHECK_FALSE(read("sensors: [{canopen: {node: 5, input: 1}}]\nsensor_options: {starts_nodes: "
+                   "false}")
+                  .have_way_back());
+  CHECK_FALSE(read("sensors: [{dbc: {message: Level, signal: HIGH}}]").have_way_back());
+}
+
+TEST_CASE("what no sensor can be is told") {
+  CHECK(says("sensors: []", "at least one sensor"));
+  CHECK(says("sensors: [{name: x}]", "one of: canopen, j1939, dbc"));
+  CHECK(says("sensors: [{canopen: {node: 1, input: 1}, dbc: {message: Level, signal: HIGH}}]",
+             "one of"));
+  CHECK(says("sensors: [{canopen: {node: 128, input: 1}}]", "node"));
+  CHECK(says("sensors: [{canopen: {node: 1, input: 65}}]", "input"));
+  CHECK(says("sensors: [{canopen: {node: 1, input: 1}}, {canopen: {node: 1, input: 1}, name: b}]",
+             "shares bits"));
+  CHECK(says("sensors: [{canopen: {node: 1, input: 1}}, {canopen: {node: 1, input: 1}}]",
+             "is taken"));
+  CHECK(says("sensors: [{j1939: {pgn: 65241, source: 1, item: 2}}]", "127501"));
+  CHECK(says("sensors: [{j1939: {pgn: 65241, source: 1}}]", "item"));
+  CHECK(says("sensors: [{j1939: {pgn: 59905, source: 1, start_bit: 0}}]", "ends in 00"));
+  CHECK(says("sensors: [{j1939: {pgn: 65241, source: 1, start_bit: 2, instance: 0}}]", "byte 0"));
+  CHECK(
+      says("sensors: [{j1939: {pgn: 65241, source: 1, start_bit: 2}}, {j1939: {pgn: 65241, "
+           "source: 1, start_bit: 3}}]",
+           "shares bits"));
+  CHECK(says("sensors: [{dbc: {message: Nobody, signal: HIGH}}]", "no message"));
+  CHECK(says("sensors: [{dbc: {message: Level, signal: NONE}}]", "no signal"));
+  CHECK(says("sensors: [{dbc: {message: Level, signal: LOW}}]", "unsigned"));
+  const std::string one = "sensors: [{canopen: {node: 1, input: 1}, name: a}]\nsensor_options: ";
+  CHECK(says(one + "{outages: [{sensor: b}]}", "no sensor is named 'b'"));
+  CHECK(says(one + "{outages: [{sensor: a, first_step: 5, last_step: 4}]}", "before first_step"));
+  CHECK(says(one + "{heartbeat_steps: 9}", "every node would be silent"));
+  CHECK(says(one + "{heartbeat_steps: 0}", "no sign of life"));
+  CHECK(says(one + "{typo: 1}", "typo"));
+  CHECK(problem_of(one + "{heartbeat_steps: 0, guards_nodes: true}") == "");
+}
+
+}  // namespace holdfast
