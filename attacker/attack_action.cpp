@@ -38,7 +38,9 @@ void read_delay(ConfigurationMap& map, StepDelay& delay) {
     map.read("delay_steps", range, 2, allowed);
   }
   if (range.size() != 2) return;
-  if (range[0] > range[1] || range[0] != std::floor(range[0]) || range[1] != std::floor(range[1])) {
+  if (range[0] > range[1]) {
+    map.problem("delay_steps", "must be [low, high] with low at most high");
+  } else if (range[0] != std::floor(range[0]) || range[1] != std::floor(range[1])) {
     map.problem("delay_steps", "must be a whole number of steps or [low, high]");
   }
   delay.low = static_cast<int>(range[0]);

@@ -152,7 +152,10 @@ void read_frequency(ConfigurationMap& map, AttackRule& rule) {
 // A substitution or forgery of earlier values is a replay, whatever writes it.
 void read_class(ConfigurationMap& map, AttackRule& rule) {
   for (const ActionName& it : kActions) {
-    if (it.action == rule.action) rule.attack_class = replays(rule) ? "replay" : it.attack_class;
+    if (it.action == rule.action)
+      rule.attack_class = replays(rule) && rule.action != AttackRule::Action::kMasquerade
+                              ? "replay"
+                              : it.attack_class;
   }
   if (rule.action == AttackRule::Action::kArm || !map.has("class")) return;
   map.read_choice("class", rule.attack_class,
@@ -173,6 +176,11 @@ void read_energy(ConfigurationMap& map, AttackRule& rule) {
               {0.0, std::numeric_limits<double>::max()});
   if (rule.action == AttackRule::Action::kArm)
     map.problem("energy", "to arm other rules costs nothing");
+  using Action = AttackRule::Action;
+  const bool writes = rule.action == Action::kSubstitute || rule.action == Action::kForce ||
+                      rule.action == Action::kAdd || rule.action == Action::kScale;
+  if (!writes && rule.energy.budget < 1.0)
+    energy.problem("budget", "each frame costs 1: the rule would never act");
 }
 
 // It takes the place of a sender, whole, for as long as its window lasts.
@@ -188,7 +196,8 @@ void check_masquerade(ConfigurationMap& map, const AttackRule& rule) {
   for (const auto& [key, is_narrowed] : narrowed) {
     if (is_narrowed) map.problem(key, "a masquerade takes all of a sender's frames; use window");
   }
-  if (!rule.match.signal.empty() || !rule.match.payload.value.empty())
+  if (!rule.match.signal.empty() || !rule.match.payload.value.empty() ||
+      rule.match.type != AttackMatch::Type::kAny)
     map.problem("match", "a masquerade takes all frames of its messages, whatever they hold");
   if (rule.is_on_way_back)
     map.problem("action", "commands come when an operator wants, and have no pace to learn");

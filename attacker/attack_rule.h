@@ -92,6 +92,7 @@ struct AttackRule {
 
   std::string name;
   bool is_paused = false;  // by whoever controls a running attacker
+  bool is_gone = false;    // taken away, but named by frames that are still held
   AttackMatch match;
   StepWindow window;
   std::int64_t every = 1;  // of the frames on which it might act only each so manieth

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <iostream>
@@ -37,15 +38,24 @@ FileDescriptor connect_to(const std::string& path) {
 }
 
 Json ask(const FileDescriptor& socket, const Json& request) {
-  const std::string line = request.dump() + '\n';
+  const std::string line = request.dump(-1, ' ', false, Json::error_handler_t::replace) + '\n';
   if (send(socket.get(), line.data(), line.size(), MSG_NOSIGNAL) !=
       static_cast<ssize_t>(line.size()))
     throw JobError("the attacker went away");
   std::string answer;
   for (char c = 0; c != '\n'; answer += c) {
-    if (recv(socket.get(), &c, 1, 0) != 1) throw JobError("the attacker went away");
+    if (recv(socket.get(), &c, 1, 0) != 1)
+      throw JobError("the attacker went away, or watches no more because this one was silent");
   }
   return Json::parse(answer);
+}
+
+double seconds_of(const std::string& text) {
+  char* end = nullptr;
+  const double seconds = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0' || !(seconds > 0.0))
+    throw UsageError("watch needs a number of seconds, not '" + text + "'");
+  return seconds;
 }
 
 Json request_of(const ControlOptions& options) {
@@ -60,7 +70,7 @@ Json request_of(const ControlOptions& options) {
     request[options.order == "swap" ? "rules" : "rule"] =
         std::string(std::istreambuf_iterator<char>(file), {});
   } else if (options.order == "watch") {
-    request["timeout_s"] = Json::parse(options.argument, nullptr, false);
+    request["timeout_s"] = seconds_of(options.argument);
   } else if (!options.argument.empty()) {
     request["name"] = options.argument;
   }
@@ -77,7 +87,7 @@ int run(const ControlOptions& options) {
               << "  " << rule["action"].get<std::string>() << "  acted " << rule["acted"] << '\n';
   }
   // Stays, so that its end is what pauses the rules.
-  const double timeout_s = options.order == "watch" ? std::stod(options.argument) : 0.0;
+  const double timeout_s = options.order == "watch" ? seconds_of(options.argument) : 0.0;
   while (timeout_s > 0.0) {
     pollfd ended{socket.get(), POLLIN, 0};
     poll(&ended, 1, static_cast<int>(300.0 * timeout_s));

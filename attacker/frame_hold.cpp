@@ -22,6 +22,14 @@ const FrameHold::Blocker* FrameHold::last_of(AttackRecord::Direction direction,
   return last;
 }
 
+bool FrameHold::names(std::size_t rule) const {
+  return std::ranges::any_of(entries_, [&](const Entry& entry) {
+    return entry.blocker.rule == rule ||
+           std::ranges::any_of(slots_[entry.slot].copies,
+                               [rule](const FrameCopies& copies) { return copies.rule == rule; });
+  });
+}
+
 void FrameHold::take(const AttackRecord& record, std::vector<FrameCopies>& copies,
                      std::int64_t due_step, bool reorders) {
   std::size_t slot = slots_.size();

@@ -35,6 +35,8 @@ class FrameHold {
   void take(const AttackRecord& record, std::vector<FrameCopies>& copies, std::int64_t due_step,
             bool reorders);
 
+  /// True when a frame or a copy of one names the rule.
+  bool names(std::size_t rule) const;
   /// Rules have other numbers now: number(old) is the new one.
   template <class Number>
   void renumber_rules(const Number& number) {

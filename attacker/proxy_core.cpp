@@ -103,7 +103,8 @@ void ProxyCore::on_frame(const CanFrame& frame, ProxyOutput& out) {
   if (list.empty() && hold_.is_empty()) return pass(frame, to_monitor(out));
   const DrawPlace place = {static_cast<std::uint32_t>(step_),
                            frame_key(frame.identifier, frame.has(CanFrame::kExtended)),
-                           next_index(frame)};
+                           // Who meets no rule draws nothing.
+                           list.empty() ? 0U : next_index(frame)};
   meet_rules(frame, rx_index, list, place, to_monitor(out));
 }
 
@@ -126,8 +127,10 @@ bool ProxyCore::meet_rule(const RuleCandidate& candidate, std::int64_t rx_index,
   const AttackRule& rule = rules()[candidate.rule];
   CanFrame& forwarded = way.frames.back();
   if (!is_open(candidate, place.step)) {
-    if (rule.action == Action::kMasquerade && can_act(candidate, forwarded))
+    if (rule.action == Action::kMasquerade && can_act(candidate, forwarded) &&
+        !forwarded.has(CanFrame::kRemote)) {
       effects_.learn(candidate, step_, forwarded);
+    }
     return true;
   }
   double draw = 0.0;
@@ -248,7 +251,9 @@ bool ProxyCore::hold_back(const CanFrame& frame, std::int64_t rx_index, const Dr
 
 void ProxyCore::release(ProxyOutput& out) {
   if (hold_.is_empty()) return;
-  hold_.release(step_, [&](const FrameHold::Held& held) {
+  const std::int64_t due = flushes_ ? std::numeric_limits<std::int64_t>::max() : step_;
+  flushes_ = false;
+  hold_.release(due, [&](const FrameHold::Held& held) {
     const bool is_command = held.record.direction == AttackRecord::Direction::kToPlant;
     Way way = is_command ? to_plant(out) : to_monitor(out);
     way.frames.push_back(held.record.forwarded);

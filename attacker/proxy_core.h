@@ -61,11 +61,14 @@ class ProxyCore {
     step_ = step;
     is_open_.assign(rules().size(), 0);
     is_bad_.assign(rules().size(), 0);
+    begun_.assign(rules().size(), 0);
+    for (std::int64_t before = 1; before < step; ++before) effects_.end_step();
     open_rules();
   }
 
-  /// Other rules from now on, at once and whole. A rule goes on as one of the same name left off:
-  /// its draws, counts, chain, energy, and what it remembers. The layout is the one from before.
+  /// Other rules from now on, at once and whole. A rule goes on as one of the same name and action
+  /// left off: its draws, counts, chain, energy, and what it remembers. Frames that are held go out
+  /// when they are due, or at once where no rule acts any more. The layout is the one from before.
   void replace_rules(std::vector<AttackRule> rules, const FrameLayout& layout);
   /// How often that was done; records say under which rules they were made.
   std::int64_t generation() const { return generation_; }
@@ -112,7 +115,7 @@ class ProxyCore {
   }
   bool is_in_window(const AttackRule& rule) const;
   void open_rules();
-  void begin_step(std::uint32_t rule, bool was_open);
+  void begin_step(std::uint32_t rule);
   bool has_tick_identifier(const CanFrame& frame) const;
   bool is_current_tick(const CanFrame& frame) const;
   std::uint32_t next_index(const CanFrame& frame);
@@ -147,6 +150,8 @@ class ProxyCore {
   CommandCodec commands_;
   BinarySensors sensors_;
   FrameHold hold_;
+  bool flushes_ = false;             // all that is held goes out with the next frame
+  std::vector<std::int64_t> begun_;  // per rule: the last step that it began, 0: none
   std::vector<char> is_open_;        // per rule: the current step lies in its window
   std::vector<Acts> acts_;           // per rule
   std::vector<char> is_bad_;         // per rule: the state of its chain

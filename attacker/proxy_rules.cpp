@@ -1,6 +1,7 @@
 // Which rules act, and when others take their place.
 
 #include <algorithm>
+#include <type_traits>
 #include <utility>
 
 #include "attacker/proxy_core.h"
@@ -8,11 +9,16 @@
 namespace holdfast {
 namespace {
 
-// Index of the rule of this name; the number of rules when there is none.
-std::size_t find_rule(const std::vector<AttackRule>& rules, const std::string& name) {
-  const auto found =
-      std::ranges::find_if(rules, [&name](const AttackRule& rule) { return rule.name == name; });
-  return static_cast<std::size_t>(found - rules.begin());
+constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+
+// The rule that goes on as this one: of its name, and doing the same. kNone when there is none.
+std::size_t successor_of(const AttackRule& rule, const std::vector<AttackRule>& rules) {
+  if (rule.is_gone) return kNone;
+  const auto found = std::ranges::find_if(rules, [&rule](const AttackRule& other) {
+    return other.name == rule.name && other.action == rule.action &&
+           other.attack_class == rule.attack_class && other.copies == rule.copies;
+  });
+  return found == rules.end() ? kNone : static_cast<std::size_t>(found - rules.begin());
 }
 
 }  // namespace
@@ -24,51 +30,59 @@ bool ProxyCore::is_in_window(const AttackRule& rule) const {
 
 void ProxyCore::open_rules() {
   is_open_.resize(rules().size());
+  begun_.resize(rules().size());
   for (std::uint32_t index = 0; index < rules().size(); ++index) {
-    const bool was_open = is_open_[index] != 0;
     is_open_[index] = is_in_window(rules()[index]) ? 1 : 0;
-    if (is_open_[index] != 0) begin_step(index, was_open);
+    if (is_open_[index] != 0) begin_step(index);
   }
 }
 
-void ProxyCore::begin_step(std::uint32_t index, bool was_open) {
+// Once in each step, however often the rule is paused in it.
+void ProxyCore::begin_step(std::uint32_t index) {
+  if (begun_[index] == step_) return;
   const AttackRule& rule = rules()[index];
   if (rule.chain && is_by_step(rule)) move_chain(index, {static_cast<std::uint32_t>(step_), 0, 0});
-  effects_.begin_step(index, step_, was_open);
+  effects_.begin_step(index, step_, begun_[index] > 0);
+  begun_[index] = step_;
 }
 
 void ProxyCore::replace_rules(std::vector<AttackRule> next, const FrameLayout& layout) {
   const std::vector<AttackRule>& before = rules();
+  std::vector<std::size_t> successor(before.size()), predecessor(next.size(), kNone);
+  for (std::size_t old = 0; old < before.size(); ++old) {
+    successor[old] = successor_of(before[old], next);
+    if (successor[old] != kNone) predecessor[successor[old]] = old;
+  }
+  const bool is_quiet =
+      std::ranges::all_of(next, [](const AttackRule& rule) { return rule.is_paused; });
   // What is held still names its rule: those that are gone stay in the list, without effect.
-  for (const AttackRule& rule : before) {
-    if (hold_.is_empty() || find_rule(next, rule.name) < next.size()) continue;
-    AttackRule gone = rule;
-    gone.is_paused = true;
+  for (std::size_t old = 0; old < before.size(); ++old) {
+    if (successor[old] != kNone || !hold_.names(old)) continue;
+    AttackRule gone = before[old];
+    gone.is_paused = gone.is_gone = true;
     gone.given.clear();
     gone.unless.clear();
+    successor[old] = next.size();
+    predecessor.push_back(kNone);
     next.push_back(std::move(gone));
   }
-  hold_.renumber_rules([&](std::size_t index) { return find_rule(next, before[index].name); });
-  std::vector<Acts> acts(next.size());
-  std::vector<char> was_open(next.size(), 0), is_bad(next.size(), 0);
-  for (std::size_t i = 0; i < next.size(); ++i) {
-    const std::size_t old = find_rule(before, next[i].name);
-    if (old == before.size()) continue;
-    acts[i] = acts_[old];
-    was_open[i] = is_open_[old];
-    is_bad[i] = is_bad_[old];
-  }
-  effects_.replace_rules(std::move(next), layout, seed_, run_);
-  acts_ = std::move(acts);
-  is_bad_ = std::move(is_bad);
-  is_open_ = was_open;
+  hold_.renumber_rules([&](std::size_t old) { return successor[old]; });
+  const auto carried = [&](const auto& values) {
+    std::remove_cvref_t<decltype(values)> result(next.size());
+    for (std::size_t i = 0; i < next.size(); ++i) {
+      if (predecessor[i] != kNone) result[i] = values[predecessor[i]];
+    }
+    return result;
+  };
+  acts_ = carried(acts_);
+  is_bad_ = carried(is_bad_);
+  begun_ = carried(begun_);
+  effects_.replace_rules(std::move(next), predecessor, layout, seed_, run_);
   if (effects_.table().has_extended()) extended_counts_.allocate();
   ++generation_;
-  // In the middle of a step: what goes on has begun it already.
-  for (std::uint32_t index = 0; index < rules().size(); ++index) {
-    is_open_[index] = is_in_window(rules()[index]) ? 1 : 0;
-    if (is_open_[index] != 0 && was_open[index] == 0) begin_step(index, false);
-  }
+  // Who stops all rules wants frames to pass: those that wait, too.
+  flushes_ = is_quiet;
+  open_rules();
 }
 
 void ProxyCore::move_chain(std::uint32_t rule, const DrawPlace& place) {
@@ -115,6 +129,8 @@ bool ProxyCore::is_open(const RuleCandidate& candidate, std::int64_t step) const
 bool ProxyCore::can_act(const RuleCandidate& candidate, const CanFrame& frame) const {
   if (((candidate.identifier ^ frame.identifier) & candidate.mask) != 0) return false;
   const AttackRule& rule = rules()[candidate.rule];
+  // A sender is silenced whatever form its frames have.
+  if (rule.action == AttackRule::Action::kMasquerade) return true;
   if (!rule.match.matches_content(frame)) return false;
   if (frame.has(CanFrame::kRemote)) {
     using Action = AttackRule::Action;

@@ -7,16 +7,16 @@
 namespace holdfast {
 namespace {
 
-using Action = AttackRule::Action;
+using RuleAction = AttackRule::Action;
 
 std::span<std::uint8_t> payload_of(CanFrame& frame) {
   return {frame.data.data(), frame.num_bytes};
 }
 
 // What the signal is to say, given what it says and what was drawn.
-double new_value(Action action, const DbcSignal& signal, const CanFrame& frame, double drawn) {
-  if (action == Action::kAdd) return signal.unpack(frame.bytes()) + drawn;
-  if (action == Action::kScale) return signal.unpack(frame.bytes()) * drawn;
+double new_value(RuleAction action, const DbcSignal& signal, const CanFrame& frame, double drawn) {
+  if (action == RuleAction::kAdd) return signal.unpack(frame.bytes()) + drawn;
+  if (action == RuleAction::kScale) return signal.unpack(frame.bytes()) * drawn;
   return drawn;
 }
 
@@ -27,9 +27,9 @@ void edit_bytes(const PayloadEdit& edit, CanFrame& frame) {
   }
 }
 
-bool writes_values(Action action) {
-  return action == Action::kSubstitute || action == Action::kForce || action == Action::kAdd ||
-         action == Action::kScale;
+bool writes_values(RuleAction action) {
+  return action == RuleAction::kSubstitute || action == RuleAction::kForce ||
+         action == RuleAction::kAdd || action == RuleAction::kScale;
 }
 
 }  // namespace
@@ -57,23 +57,24 @@ RuleEffects::RuleEffects(std::vector<AttackRule> rules, const FrameLayout& layou
   }
 }
 
-void RuleEffects::replace_rules(std::vector<AttackRule> rules, const FrameLayout& layout,
-                                std::uint64_t seed, std::uint32_t run) {
+void RuleEffects::replace_rules(std::vector<AttackRule> rules,
+                                const std::vector<std::size_t>& predecessor,
+                                const FrameLayout& layout, std::uint64_t seed, std::uint32_t run) {
   RuleEffects next(std::move(rules), layout, seed, run, step_s_, std::move(monitor_));
   next.table_.take_over(table_);
   for (std::size_t i = 0; i < next.rules_.size(); ++i) {
-    for (std::size_t old = 0; old < rules_.size(); ++old) {
-      if (rules_[old].name != next.rules_[i].name) continue;
-      next.over_time_[i] = over_time_[old];
-      next.energy_[i] = energy_[old];
-      next.energy_[i].left = std::min(next.energy_[i].left, next.rules_[i].energy.budget);
-      for (std::size_t target = 0; target < next.frozen_.size(); ++target) {
-        const std::size_t from = table_.find_target(old, next.table_.target_key(target));
-        if (next.table_.target_rule(target) != i || from >= frozen_.size()) continue;
-        next.frozen_[target] = frozen_[from];
-        next.paces_[target] = paces_[from];
-      }
-    }
+    const std::size_t old = predecessor[i];
+    if (old >= rules_.size()) continue;
+    next.over_time_[i] = over_time_[old];
+    next.energy_[i] = energy_[old];
+    next.energy_[i].left = std::min(next.energy_[i].left, next.rules_[i].energy.budget);
+  }
+  for (std::size_t target = 0; target < next.frozen_.size(); ++target) {
+    const std::size_t old = predecessor[next.table_.target_rule(target)];
+    const std::size_t from = table_.find_target(old, next.table_.target_key(target));
+    if (from >= frozen_.size()) continue;
+    next.frozen_[target] = frozen_[from];
+    next.paces_[target] = paces_[from];
   }
   *this = std::move(next);
 }
@@ -147,12 +148,13 @@ bool RuleEffects::write_values(const RuleCandidate& candidate, const DrawPlace& 
 
 // Takes back so much of what was added that the monitor's filter would not notice.
 bool RuleEffects::stay_unnoticed(const RuleCandidate& candidate, const CanFrame& before,
-                                 CanFrame& frame) const {
+                                 CanFrame& frame, bool& is_saturated) const {
   const AttackRule& rule = rules_[candidate.rule];
   if (!is_stealthy(rule) || !monitor_.largest_share) return true;
   const double share = monitor_.largest_share(before, frame, rule.residual_most);
   if (!(share > 0.0)) return false;
   if (share >= 1.0) return true;
+  is_saturated = false;  // what is left lies between two values that the signal can say
   for (const DbcSignal& signal : table_.target(candidate).acted_on) {
     const double from = signal.unpack(before.bytes()), to = signal.unpack(frame.bytes());
     signal.pack(payload_of(frame), from + share * (to - from));
@@ -171,19 +173,19 @@ bool RuleEffects::change(const RuleCandidate& candidate, const DrawPlace& place,
                          CanFrame& frame, bool& is_saturated) {
   const AttackRule& rule = rules_[candidate.rule];
   switch (rule.action) {
-    case Action::kDrop:
-    case Action::kArm:
-    case Action::kDuplicate:
-    case Action::kDelay:
-    case Action::kMasquerade:
+    case RuleAction::kDrop:
+    case RuleAction::kArm:
+    case RuleAction::kDuplicate:
+    case RuleAction::kDelay:
+    case RuleAction::kMasquerade:
       return true;
-    case Action::kFreeze:
+    case RuleAction::kFreeze:
       freeze(candidate, frame);
       return true;
-    case Action::kBits:
+    case RuleAction::kBits:
       edit_bytes(rule.edit, frame);
       return true;
-    case Action::kFlip:
+    case RuleAction::kFlip:
       break;
     default:
       return write_values(candidate, place, step, frame, is_saturated);
@@ -206,7 +208,7 @@ bool RuleEffects::apply(const RuleCandidate& candidate, const DrawPlace& place, 
   const CanFrame before = frame;
   bool has_overrun = is_saturated;
   if (!change(candidate, place, step, frame, has_overrun)) return false;
-  if (!stay_unnoticed(candidate, before, frame) ||
+  if (!stay_unnoticed(candidate, before, frame, has_overrun) ||
       !pay(candidate.rule, step, cost_of(candidate, before, frame))) {
     frame = before;
     return false;
@@ -219,7 +221,7 @@ bool RuleEffects::forge(const RuleCandidate& candidate, const DrawPlace& place, 
                         CanFrame& frame, bool& is_saturated) {
   const RuleTarget& target = table_.target(candidate);
   frame = target.forged;
-  if (rules_[candidate.rule].action == Action::kMasquerade) {
+  if (rules_[candidate.rule].action == RuleAction::kMasquerade) {
     const CanFrame* latest = paces_[static_cast<std::size_t>(candidate.target)].latest();
     if (latest == nullptr) return false;
     frame = *latest;

@@ -33,9 +33,10 @@ class RuleEffects {
   RuleEffects(std::vector<AttackRule> rules, const FrameLayout& layout, std::uint64_t seed,
               std::uint32_t run, double step_s, MonitorModel monitor);
 
-  /// Other rules; what one of the same name remembers goes on.
-  void replace_rules(std::vector<AttackRule> rules, const FrameLayout& layout, std::uint64_t seed,
-                     std::uint32_t run);
+  /// Other rules. predecessor[i]: the rule that number i goes on as, with what it remembers; beyond
+  /// the rules there are: none.
+  void replace_rules(std::vector<AttackRule> rules, const std::vector<std::size_t>& predecessor,
+                     const FrameLayout& layout, std::uint64_t seed, std::uint32_t run);
 
   const std::vector<AttackRule>& rules() const { return rules_; }
   const RuleTable& table() const { return table_; }
@@ -84,8 +85,8 @@ class RuleEffects {
                     CanFrame& frame, bool& is_saturated) const;
   bool replay(const RuleCandidate& candidate, const DrawPlace& place, std::int64_t step,
               CanFrame& frame) const;
-  bool stay_unnoticed(const RuleCandidate& candidate, const CanFrame& before,
-                      CanFrame& frame) const;
+  bool stay_unnoticed(const RuleCandidate& candidate, const CanFrame& before, CanFrame& frame,
+                      bool& is_saturated) const;
   double cost_of(const RuleCandidate& candidate, const CanFrame& before,
                  const CanFrame& frame) const;
   void freeze(const RuleCandidate& candidate, CanFrame& frame);

@@ -109,6 +109,8 @@ void ControlSocket::set_deadline(int fd) {
   client.deadline = loop_.after(client.timeout_s, [this, fd] {
     clients_.at(fd).timeout_s = 0.0;
     on_lost_("who controls it was silent for too long");
+    // He learns of it by the end of the connection, should he still be there.
+    end(fd);
   });
 }
 

@@ -81,7 +81,7 @@ const MeasurementSet* MeasurementAssembler::close_step() {
     counters_.packets += static_cast<std::int64_t>(filling_.packets.size());
     counters_.invalid += static_cast<std::int64_t>(filling_.invalid.size());
     to_sensors_.clear();
-    states_->ask(to_sensors_);
+    states_->ask(step_, to_sensors_);
   }
   std::swap(filling_, closed_);
   closed_.seq = counters_.sets++;

@@ -10,7 +10,7 @@
 namespace holdfast {
 namespace {
 
-constexpr double kRankTolerance = 1e-9;  // of the largest singular value
+constexpr double kPairTolerance = 1e-9;  // of the largest singular value
 constexpr double kStable = 1.0 - 1e-9;
 
 struct Spaces {
@@ -24,7 +24,7 @@ Spaces spaces_of(const Eigen::MatrixXd& matrix) {
   }
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(matrix, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const Eigen::VectorXd& values = svd.singularValues();
-  const double smallest = kRankTolerance * std::max(1.0, values[0]);
+  const double smallest = kPairTolerance * std::max(1.0, values[0]);
   const Eigen::Index rank = (values.array() > smallest).count();
   return {svd.matrixU().leftCols(rank), svd.matrixV().rightCols(columns - rank)};
 }
@@ -109,7 +109,7 @@ bool is_state_common(const SystemModel& one, const SystemModel& other) {
   const SilentMotion motion = silent_motion(JointSystem(one, other));
   if (motion.states.cols() == 0) return true;
   const Eigen::MatrixXd apart = motion.states.topRows(n) - motion.states.bottomRows(n);
-  if ((apart * motion.reachable).norm() > kRankTolerance * 1e3) return false;
+  if ((apart * motion.reachable).norm() > kPairTolerance * 1e3) return false;
   // What is left once the reachable part, in which the states agree, is taken out.
   const Eigen::MatrixXd rest = complement(motion.reachable);
   const Eigen::MatrixXd dynamics = rest.transpose() * motion.dynamics * rest;

@@ -13,6 +13,12 @@ namespace holdfast {
 namespace {
 
 constexpr std::size_t kBytesShown = 16;
+constexpr std::uint32_t kSwitchBankGroup = 127501;
+
+bool is_switch_bank(const CanFrame& frame) {
+  return frame.has(CanFrame::kExtended) && frame.num_bytes > 0 &&
+         j1939_group_number(frame.identifier) == kSwitchBankGroup;
+}
 
 std::string hex_of(std::span<const std::uint8_t> bytes) {
   std::string text;
@@ -49,7 +55,9 @@ bool is_binary(const DbcSignal& signal) {
 
 void BusLook::on_frame(const CanFrame& frame, std::int64_t time_ns) {
   ++num_frames_;
-  const std::uint32_t key = frame_key(frame.identifier, frame.has(CanFrame::kExtended));
+  std::uint64_t key = frame_key(frame.identifier, frame.has(CanFrame::kExtended));
+  // Its first byte says which of several banks speaks.
+  if (is_switch_bank(frame)) key |= static_cast<std::uint64_t>(frame.data[0] + 1U) << 32;
   const auto found = seen_.find(key);
   if (found == seen_.end() && seen_.size() >= kIdentifiersMax) {
     ++num_left_out_;
@@ -58,13 +66,15 @@ void BusLook::on_frame(const CanFrame& frame, std::int64_t time_ns) {
   Seen& seen = seen_[key];
   if (seen.count++ == 0) {
     seen.first_ns = time_ns;
-  } else {
-    for (std::size_t i = 0; i < frame.num_bytes; ++i)
+  } else if (!frame.has(CanFrame::kRemote)) {
+    const std::size_t common = std::min(frame.num_bytes, seen.latest.num_bytes);
+    for (std::size_t i = 0; i < common; ++i)
       seen.changed[i] =
           static_cast<std::uint8_t>(seen.changed[i] | (seen.latest.data[i] ^ frame.data[i]));
   }
   seen.last_ns = time_ns;
-  seen.latest = frame;
+  // A request holds nothing to compare with.
+  if (seen.count == 1 || !frame.has(CanFrame::kRemote)) seen.latest = frame;
 }
 
 std::string BusLook::meaning_of(const Seen& seen) const {
@@ -104,11 +114,15 @@ std::string BusLook::sensors_of(const Seen& seen) const {
     }
     return lines;
   }
-  for (std::size_t bit = 0; bit + 1 < num_bits; bit += 2) {
-    if (has_changed(bit) || has_changed(bit + 1))
-      lines += "    - {j1939: {pgn: " + std::to_string(j1939_group_number(frame.identifier)) +
-               ", source: " + std::to_string(frame.identifier & 0xFFU) +
-               ", start_bit: " + std::to_string(bit) + "}}\n";
+  const bool is_bank = is_switch_bank(frame);
+  for (std::size_t bit = is_bank ? 8 : 0; bit + 1 < num_bits; bit += 2) {
+    if (!has_changed(bit) && !has_changed(bit + 1)) continue;
+    lines += "    - {j1939: {pgn: " + std::to_string(j1939_group_number(frame.identifier)) +
+             ", source: " + std::to_string(frame.identifier & 0xFFU);
+    lines += is_bank ? ", instance: " + std::to_string(frame.data[0]) +
+                           ", item: " + std::to_string((bit - 8) / 2 + 1)
+                     : ", start_bit: " + std::to_string(bit);
+    lines += "}}\n";
   }
   return lines;
 }

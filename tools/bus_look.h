@@ -34,7 +34,7 @@ class BusLook {
   std::string sensors_of(const Seen& seen) const;
 
   Dbc dbc_;
-  std::map<std::uint32_t, Seen> seen_;  // by frame_key()
+  std::map<std::uint64_t, Seen> seen_;  // by frame_key(), of a switch bank by its instance, too
   std::int64_t num_frames_ = 0, num_left_out_ = 0;
 };
 

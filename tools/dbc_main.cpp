@@ -1,3 +1,4 @@
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 
@@ -28,6 +29,8 @@ int decode(const DbcOptions& options) {
   if (!log) throw UsageError(options.log + ": cannot be read");
   std::ofstream file;
   if (!options.out.empty()) {
+    if (std::filesystem::exists(options.out))
+      throw UsageError(options.out + ": exists already; remove it or name another file");
     file.open(options.out);
     if (!file) throw JobError(options.out + ": cannot be made");
   }

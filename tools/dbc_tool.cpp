@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 #include <optional>
+#include <set>
 #include <sstream>
 
 #include "common/errors.h"
@@ -160,8 +161,9 @@ std::string list_text(const Dbc& dbc) {
       table.add({"  " + signal.name,
                  std::to_string(signal.start_bit) + "|" + std::to_string(signal.num_bits) +
                      (signal.is_little_endian ? " Intel" : " Motorola"),
-                 kind_text(signal), scale_text(signal), range_text(signal), printable(signal.unit, 40),
-                 multiplexing_text(signal), printable(names_text(signal), 400)});
+                 kind_text(signal), scale_text(signal), range_text(signal),
+                 printable(signal.unit, 40), multiplexing_text(signal),
+                 printable(names_text(signal), 400)});
     }
     text += table.text();
   }
@@ -200,6 +202,7 @@ std::string encode_text(const Dbc& dbc, const std::string& message_name,
   CanFrame frame = message.empty_frame();
   const std::span<std::uint8_t> data(frame.data.data(), frame.num_bytes);
   std::vector<const DbcSignal*> selected;
+  std::set<std::string> given;
   bool has_selector = false;
   for (const std::string& assignment : assignments) {
     const std::size_t equals = assignment.find('=');
@@ -207,6 +210,7 @@ std::string encode_text(const Dbc& dbc, const std::string& message_name,
       throw UsageError("'" + assignment + "': write a signal as NAME=VALUE");
     const DbcSignal& signal = require_signal(message, assignment.substr(0, equals));
     const std::string text = assignment.substr(equals + 1);
+    if (!given.insert(signal.name).second) throw UsageError(signal.name + ": is given twice");
     if (!signal.pack(data, value_of(signal, text)))
       throw UsageError(signal.name + ": " + text + " does not fit its " +
                        std::to_string(signal.num_bits) + " bits");
@@ -223,7 +227,11 @@ std::string encode_text(const Dbc& dbc, const std::string& message_name,
                          });
     if (!is_good)
       throw UsageError("no frame of " + message_name + " carries all of these signals together");
-    selector.set_raw(data, static_cast<std::uint64_t>(*value));
+    const double physical = static_cast<double>(*value) * selector.scale + selector.offset;
+    if (!selector.pack(data, physical))
+      throw UsageError(selector.name + ": " + std::to_string(*value) + " does not fit its " +
+                       std::to_string(selector.num_bits) + " bits, so no frame carries " +
+                       selected.front()->name);
   }
   const std::string line = format_candump_line({0, "x", frame});
   return line.substr(line.rfind(' ') + 1);

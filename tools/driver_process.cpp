@@ -19,6 +19,8 @@ void DriverProcess::on_readable(CanBus& bus) {
   for (;;) {
     const std::size_t count = bus.read(batch_);
     for (std::size_t i = 0; i < count && !is_finished(); ++i) {
+      if (period_ns_ > 0) close_until(batch_[i].receive_time_ns, bus);
+      if (is_finished()) break;
       if (experiment_.record_frames) record_.add(batch_[i], assembler_.current_step());
       const MeasurementSet* closed = assembler_.on_frame(batch_[i]);
       if (closed == nullptr) continue;
@@ -29,6 +31,12 @@ void DriverProcess::on_readable(CanBus& bus) {
   }
 }
 
+void DriverProcess::close_until(std::int64_t stamp_ns, CanBus& bus) {
+  if (next_close_ns_ == 0) next_close_ns_ = stamp_ns + period_ns_;
+  for (; stamp_ns >= next_close_ns_ && !is_finished(); next_close_ns_ += period_ns_)
+    close_step(bus);
+}
+
 void DriverProcess::close_step(CanBus& bus) {
   const MeasurementSet* closed = assembler_.close_step();
   if (closed == nullptr) return;
@@ -37,6 +45,7 @@ void DriverProcess::close_step(CanBus& bus) {
 }
 
 void DriverProcess::send_commands(CanBus& bus) {
+  if (!can_write_) return;
   if (!is_finished() && !assembler_.to_sensors().empty()) {
     status_.counter("sensor_requests") +=
         static_cast<std::int64_t>(bus.write(assembler_.to_sensors()));

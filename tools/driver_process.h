@@ -25,6 +25,11 @@ class DriverProcess {
 
   /// Reads all that has arrived.
   void on_readable(CanBus& bus);
+  /// Of a bus that is only read: nothing is sent.
+  void set_read_only() { can_write_ = false; }
+  /// From now on steps end by the frames' stamps, so long after the first one, and so on: for a
+  /// recording of a bus without ticks.
+  void close_by_stamps(std::int64_t period_ns) { period_ns_ = period_ns; }
   /// Closes the step by the driver's own clock.
   void close_step(CanBus& bus);
   void publish_status(CanBus& bus);
@@ -34,6 +39,7 @@ class DriverProcess {
  private:
   void publish(const MeasurementSet& closed);
   void send_commands(CanBus& bus);
+  void close_until(std::int64_t stamp_ns, CanBus& bus);
 
   const Experiment& experiment_;
   LcmLink& link_;
@@ -43,7 +49,9 @@ class DriverProcess {
   MeasurementAssembler assembler_;
   std::unique_ptr<RadioChannel> radio_;
   FrameRecord record_;
+  bool can_write_ = true;
   std::array<CanFrame, 64> batch_;
+  std::int64_t period_ns_ = 0, next_close_ns_ = 0;  // 0: steps do not end by stamps
   MeasurementSet set_;
   measurement_set_t measurement_;
 };

@@ -193,13 +193,10 @@ void read_windows(ConfigurationMap& campaign, Experiment& experiment) {
   }
 }
 
-// The attacker's filter needs a plant with vector readings that he knows.
 void check_stealth(ConfigurationMap& root, const Experiment& experiment) {
-  if (!std::ranges::any_of(experiment.rules, is_stealthy)) return;
-  if (experiment.plant.system() == nullptr || !experiment.plant.command.empty()) {
-    root.problem("attacks",
-                 "stealth needs a plant with vector readings that Holdfast simulates: the attacker "
-                 "runs a Kalman filter of it");
+  for (const AttackRule& rule : experiment.rules) {
+    const std::string fault = stealth_fault(rule, experiment);
+    if (!fault.empty()) root.problem("attacks", "rule '" + rule.name + "': " + fault);
   }
 }
 
@@ -252,6 +249,28 @@ Experiment read_experiment(ConfigurationDocument document, const std::string& fo
 }
 
 }  // namespace
+
+std::string stealth_fault(const AttackRule& rule, const Experiment& experiment) {
+  if (!is_stealthy(rule)) return "";
+  if (experiment.plant.system() == nullptr || !experiment.plant.command.empty()) {
+    return "stealth needs a plant with vector readings that Holdfast simulates: the attacker runs "
+           "a Kalman filter of it";
+  }
+  const FrameLayout& layout = experiment.layout;
+  for (const std::string& signal : rule.signals) {
+    if (std::ranges::find(layout.signals, signal) == layout.signals.end())
+      return "stealth: '" + signal + "' is none of network.signals, so no filter reads it";
+  }
+  for (const DbcMessage& message : layout.dbc.messages) {
+    const bool is_read = std::ranges::find(layout.messages, message.name) != layout.messages.end();
+    if (!is_read && can_select(rule.match, message, layout) &&
+        message.find(rule.signals.front()) != nullptr) {
+      return "stealth: message '" + message.name +
+             "' is none of network.messages, so no filter reads it";
+    }
+  }
+  return "";
+}
 
 std::vector<std::string> Experiment::scored_names() const {
   std::vector<std::string> scored;

@@ -78,6 +78,9 @@ struct Experiment {
   std::unique_ptr<RadioChannel> make_radio_channel(std::uint32_t run) const;
 };
 
+/// Why the rule cannot stay unnoticed; empty for one that can, or does not want to.
+std::string stealth_fault(const AttackRule& rule, const Experiment& experiment);
+
 /// Reads a scenario file. Throws ConfigurationError with every problem; overrides as "a.b=value".
 Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides = {});
 /// The same for text, such as RUN_META's; `place` stands for the file name in messages.

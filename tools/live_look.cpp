@@ -3,6 +3,7 @@
 #include <array>
 #include <iostream>
 #include <memory>
+#include <utility>
 
 #include "common/clock.h"
 #include "drivers/can/can_bus.h"
@@ -33,6 +34,15 @@ int look_at_bus(const std::string& bus_url, const std::string& dbc_file, double 
   std::cerr << "looking for " << seconds << " s; Ctrl-C ends it" << std::endl;
   loop.run_for(seconds);
   std::cout << bus_look.text();
+  const BusCounters& counters = bus->counters();
+  const std::pair<const char*, std::int64_t> troubles[] = {
+      {"error frames (is the bit rate right? is there a second node, and termination?)",
+       counters.error_frames},
+      {"frames or lines that are none", counters.refused},
+      {"frames that the kernel dropped", counters.kernel_dropped}};
+  for (const auto& [what, count] : troubles) {
+    if (count > 0) std::cout << count << " " << what << '\n';
+  }
   return bus_look.num_frames() > 0 ? 0 : 1;
 }
 

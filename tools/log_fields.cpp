@@ -19,10 +19,24 @@
 namespace holdfast {
 namespace {
 
-constexpr std::string_view kIntegerFields[] = {
-    "utime", "seq",           "step",          "measurement_seq", "input_step", "packet_rx_index",
-    "index", "receive_utime", "rx_index",      "tx_index",        "draw_index", "step_counter",
-    "seed",  "run",           "counter_value", "compute_time_ns", "latency_ns"};
+constexpr std::string_view kIntegerFields[] = {"utime",
+                                               "seq",
+                                               "step",
+                                               "measurement_seq",
+                                               "input_step",
+                                               "packet_rx_index",
+                                               "index",
+                                               "receive_utime",
+                                               "rx_index",
+                                               "tx_index",
+                                               "draw_index",
+                                               "generation",
+                                               "step_counter",
+                                               "seed",
+                                               "run",
+                                               "counter_value",
+                                               "compute_time_ns",
+                                               "latency_ns"};
 
 template <class Message>
 ChannelType type_of(bool is_once_per_step) {

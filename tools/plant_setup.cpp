@@ -14,8 +14,12 @@ std::string kind_list() {
 void take_layout(const FrameLayout& layout, const BinaryTargetSetup& setup,
                  ConfigurationMap& network) {
   if (layout.messages.size() != setup.model.num_sensors()) {
-    network.problem("messages", std::to_string(layout.messages.size()) + " messages for " +
-                                    std::to_string(setup.model.num_sensors()) + " sensors");
+    const bool has_sensors = layout.sensors.exist();
+    network.problem(has_sensors ? "sensors" : "messages",
+                    std::to_string(layout.messages.size()) +
+                        (has_sensors ? " sensors for the " : " messages for ") +
+                        std::to_string(setup.model.num_sensors()) +
+                        (has_sensors ? " of the plant" : " sensors"));
   }
   if (layout.signals.size() != 1) network.problem("signals", "a binary sensor has one signal");
 }

@@ -12,6 +12,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr int kDepthMax = 16;
+
 // As JSON, which is YAML, or as the text of YAML.
 std::string yaml_of(const Json& value) {
   return value.is_string() ? value.get<std::string>() : value.dump();
@@ -62,10 +64,9 @@ void RuleBook::adopt(Entries entries) {
   ConfigurationDocument text = ConfigurationDocument::from_text(text_of(document), "rules");
   std::vector<AttackRule> rules = read_attack_rules(text.root(), experiment_.layout);
   text.finish();
-  const SystemSetup* plant = experiment_.plant.system();
-  if (std::ranges::any_of(rules, is_stealthy) &&
-      (plant == nullptr || !experiment_.plant.command.empty())) {
-    throw UsageError("stealth needs a plant with vector readings that Holdfast simulates");
+  for (const AttackRule& rule : rules) {
+    const std::string fault = stealth_fault(rule, experiment_);
+    if (!fault.empty()) throw UsageError("rule '" + rule.name + "': " + fault);
   }
   for (std::size_t i = 0; i < rules.size(); ++i) rules[i].is_paused = entries[i].is_paused;
   core_.replace_rules(std::move(rules), experiment_.layout);
@@ -74,7 +75,14 @@ void RuleBook::adopt(Entries entries) {
 
 RuleBook::Entries RuleBook::changed(const std::string& what, const std::string& name,
                                     const std::string& text) const {
-  if (what == "swap") return list_of(text);
+  if (what == "swap") {
+    Entries swapped = list_of(text);
+    for (Entry& entry : swapped) {
+      const auto old = std::ranges::find(entries_, entry.name, &Entry::name);
+      entry.is_paused = old != entries_.end() && old->is_paused;
+    }
+    return swapped;
+  }
   Entries entries = entries_;
   if (what == "add") {
     entries.push_back(entry_of(text));
@@ -108,7 +116,10 @@ std::string RuleBook::state_text(bool with_rules) const {
 
 std::string RuleBook::answer(const std::string& request, double& watch_s) {
   try {
-    const Json json = Json::parse(request);
+    const Json json = Json::parse(request, [](int depth, Json::parse_event_t, Json&) {
+      if (depth > kDepthMax) throw UsageError("a request is not nested so deeply");
+      return true;
+    });
     if (!json.is_object() || !json.contains("do") || !json["do"].is_string())
       throw UsageError("a request is a JSON object with \"do\"");
     const std::string what = json["do"].get<std::string>();
@@ -116,9 +127,15 @@ std::string RuleBook::answer(const std::string& request, double& watch_s) {
       if (!json.contains(key)) throw UsageError(what + " needs \"" + key + '"');
       return json[key];
     };
+    const auto text_at = [&](const char* key) {
+      const Json value = needs(key);
+      if (!value.is_string()) throw UsageError(std::string(key) + " must be text");
+      return value.get<std::string>();
+    };
     if (what == "list" || what == "ping") return state_text(what == "list");
     if (what == "watch") {
-      const double seconds = needs("timeout_s").get<double>();
+      const Json value = needs("timeout_s");
+      const double seconds = value.is_number() ? value.get<double>() : -1.0;
       if (seconds != 0.0 && !(seconds >= 0.05 && seconds <= 3600.0))
         throw UsageError("timeout_s must be 0.05 to 3600, or 0 to be watched no more");
       watch_s = seconds;
@@ -131,9 +148,9 @@ std::string RuleBook::answer(const std::string& request, double& watch_s) {
     } else if (what == "swap") {
       text = yaml_of(needs("rules"));
     } else if (what == "remove") {
-      name = needs("name").get<std::string>();
+      name = text_at("name");
     } else if (what == "pause" || what == "resume") {
-      if (json.contains("name")) name = json["name"].get<std::string>();
+      if (json.contains("name")) name = text_at("name");
     } else {
       throw UsageError("'" + what +
                        "' is none of: list, add, change, remove, pause, resume, swap, watch, ping");

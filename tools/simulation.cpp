@@ -101,6 +101,8 @@ void Simulation::collect_attack() {
 
 // The simulated buses lose nothing, so the nth frame sent is the nth one received.
 bool Simulation::is_authentic(const Packet& packet) const {
+  // A state may rest on a frame of many steps ago.
+  if (touched_.contains(packet.rx_index)) return false;
   return std::ranges::none_of(
       sent_.records, [&packet](const AttackRecord& r) { return r.tx_index == packet.rx_index; });
 }
@@ -176,6 +178,11 @@ bool Simulation::advance() {
     for (const CanFrame& frame : clean_assembler_.to_sensors()) clean_encoder_.on_frame(frame);
   }
   pass_commands();
+  if (experiment_.layout.sensors.exist()) {
+    for (const AttackRecord& record : sent_.records) {
+      if (record.tx_index >= 0) touched_.insert(record.tx_index);
+    }
+  }
   collect_attack();
   if (needs_authentic_) keep_authentic();
   for (ToldEstimator* told : told_) {

@@ -3,6 +3,7 @@
 #include <array>
 #include <functional>
 #include <memory>
+#include <unordered_set>
 #include <vector>
 
 #include "drivers/can/command_codec.h"
@@ -81,6 +82,7 @@ class Simulation {
   MeasurementSet received_, clean_, authentic_;
   bool needs_clean_ = false, needs_authentic_ = false;
   ProxyOutput sent_;
+  std::unordered_set<std::int64_t> touched_;  // tx indices of the run; of sensors that keep a state
   std::array<std::int64_t, 3> command_outcomes_{};
   BusInputs bus_inputs_;
   std::vector<double> true_attack_;

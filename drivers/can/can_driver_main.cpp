@@ -15,7 +15,16 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
   LcmLink link(options.lcm_url);
   DriverProcess driver(experiment, link, bus_url);
   BusOptions bus_options;
-  bus_options.may_write = !experiment.commands.empty() || experiment.layout.sensors.have_way_back();
+  const bool wants_to_write =
+      !experiment.commands.empty() || experiment.layout.sensors.have_way_back();
+  // A recording cannot be told anything any more.
+  const bool is_recording = bus_url.starts_with("candump:");
+  bus_options.may_write = wants_to_write && !is_recording;
+  if (is_recording) driver.set_read_only();
+  if (wants_to_write && is_recording)
+    driver.status().remark("a recording is only read: nothing is sent to sensors or plant");
+  if (is_recording && !experiment.assembler.closed_by_tick)
+    driver.close_by_stamps(static_cast<std::int64_t>(std::max(experiment.period_s, 1e-6) * 1e9));
   bus_options.owned_urls = options.owned_buses;
   bus_options.on_event = [&driver](const std::string& event) { driver.status().remark(event); };
   const std::unique_ptr<CanBus> bus = open_can_bus(bus_url, bus_options);
@@ -34,7 +43,7 @@ int run(const ProgramOptions& options, const std::string& bus_url) {
   };
   loop.watch_bus(*bus, [&] {
     driver.on_readable(*bus);
-    const bool has_own_clock = !experiment.assembler.closed_by_tick;
+    const bool has_own_clock = !experiment.assembler.closed_by_tick && !is_recording;
     if (has_own_clock && !clock && driver.has_frames()) start_clock();
     // A recorded bus may end before the run that it holds.
     if (driver.is_finished() || bus->at_end()) loop.stop();
@@ -79,8 +88,9 @@ int main(int argc, char** argv) {
                  "Instead of a scenario: listen for so many seconds and say what arrives")
       ->check(CLI::Range(0.1, 1e6));
   app.add_option("--dbc", options.dbc, "With --look: a DBC file that names what arrives");
-  app.add_option("--bus", options.bus,
-                 "Monitor-side bus URL (read-only, unless the scenario has commands)")
+  app.add_option(
+         "--bus", options.bus,
+         "Monitor-side bus URL (read-only, unless there are commands, or nodes to start or guard)")
       ->required();
   return holdfast::run_command_line(app, "holdfast-can-driver", argc, argv, [&] {
     if (options.look_s > 0.0)

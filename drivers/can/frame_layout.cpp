@@ -240,6 +240,17 @@ void refuse_message_keys(ConfigurationMap& map) {
   }
 }
 
+// Neither the tick nor a command may be one of their frames.
+void check_sensors(const FrameLayout& layout, ConfigurationMap& map) {
+  for (const std::string& name : {layout.tick_message, layout.command.message}) {
+    const DbcMessage* message = layout.dbc.find(name);
+    const std::string sensor =
+        message == nullptr ? "" : sensor_on(layout.sensors, layout.dbc, *message);
+    if (!sensor.empty())
+      map.problem("sensors", "'" + sensor + "' has the identifier of message '" + name + "'");
+  }
+}
+
 }  // namespace
 
 const FrameProtection* FrameLayout::find_protection(const std::string& message) const {
@@ -294,6 +305,7 @@ void FrameLayout::read(ConfigurationMap map, const std::string& folder) {
   LayoutCheck check(*this, map);
   check.check_tick(tick);
   if (!has_sensors) check.check_messages();
+  if (has_sensors) check_sensors(*this, map);
   if (command.exists()) check.check_command(map.map("command"));
   check.check_codec();
 }

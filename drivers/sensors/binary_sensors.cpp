@@ -1,6 +1,8 @@
 #include "drivers/sensors/binary_sensors.h"
 
 #include <algorithm>
+#include <array>
+#include <cstdlib>
 #include <set>
 #include <utility>
 
@@ -30,7 +32,8 @@ void read_j1939(ConfigurationMap map, BinarySensor& sensor) {
     map.problem("pgn", "a group that is sent to one address ends in 00");
   map.require("source");
   map.read("source", sensor.source_address, {0.0, 253.0});
-  map.read("instance", sensor.instance, {0.0, 255.0});
+  // Left out it stays so in what is resolved: there is no number for "anything".
+  if (map.has("instance")) map.read("instance", sensor.instance, {0.0, 255.0});
   if (map.has("item") == map.has("start_bit")) {
     map.problem("item", "give item (of 127501, from 1) or start_bit");
     map.raw("item");
@@ -89,19 +92,69 @@ BinarySensor read_sensor(ConfigurationMap& map, const Dbc& dbc) {
   return sensor;
 }
 
-// Two that begin in one bit's reach would write into each other.
-bool do_overlap(const BinarySensor& a, const BinarySensor& b) {
-  if (a.protocol != b.protocol) return false;
-  switch (a.protocol) {
+// Which frames a sensor's state stands in, and in which of their bits.
+struct Spot {
+  std::uint32_t key = 0;  // of a group without priority and destination; bit 30 tells those apart
+  int instance = -1;
+  const DbcSignal* signal = nullptr;  // of a DBC
+  std::array<std::uint8_t, CanFrame::kBytesMax> bits{};
+};
+
+constexpr std::uint32_t kFirstPdo = 0x180, kWide = 1U << 29, kGroup = 1U << 30;
+
+// Of an identifier as it stands in a DBC: one of 29 bits is a parameter group, too.
+std::uint32_t key_of(std::uint32_t identifier, bool is_extended) {
+  if (!is_extended) return identifier;
+  return kWide | kGroup | j1939_group_number(identifier) << 8 | (identifier & 0xFFU);
+}
+
+Spot spot_of(const BinarySensor& sensor, const Dbc& dbc) {
+  Spot spot;
+  DbcSignal signal;
+  switch (sensor.protocol) {
     case BinarySensor::Protocol::kCanopen:
-      return a.node == b.node && a.input == b.input;
-    case BinarySensor::Protocol::kJ1939:
-      return a.group_number == b.group_number && a.source_address == b.source_address &&
-             a.instance == b.instance && std::abs(a.start_bit - b.start_bit) < 2;
-    case BinarySensor::Protocol::kDbc:
+      spot.key = kFirstPdo + static_cast<std::uint32_t>(sensor.node);
+      signal.start_bit = sensor.input - 1;
       break;
+    case BinarySensor::Protocol::kJ1939:
+      spot.key = key_of(j1939_identifier(sensor.group_number, sensor.source_address), true);
+      spot.instance = sensor.instance;
+      signal.start_bit = sensor.start_bit;
+      signal.num_bits = 2;
+      break;
+    case BinarySensor::Protocol::kDbc: {
+      const DbcMessage* message = dbc.find(sensor.message);
+      spot.signal = message == nullptr ? nullptr : message->find(sensor.signal);
+      if (spot.signal == nullptr) return spot;
+      spot.key = key_of(message->identifier, message->is_extended);
+      signal = *spot.signal;
+      break;
+    }
   }
-  return a.message == b.message && a.signal == b.signal;
+  signal.set_raw(spot.bits, UINT64_MAX);
+  return spot;
+}
+
+// Why two cannot stand side by side; empty when they can.
+std::string conflict_of(const BinarySensor& a, const BinarySensor& b, const Dbc& dbc) {
+  const Spot one = spot_of(a, dbc), other = spot_of(b, dbc);
+  if (one.key == 0 || one.key != other.key) return "";
+  if (a.protocol != b.protocol) return "stands in a frame of another protocol's sensor";
+  if ((one.instance < 0) != (other.instance < 0))
+    return "stands in the frames of a sensor that says its instance: say it for both";
+  if (one.instance != other.instance) return "";
+  // Signals of which the multiplexer selects one may share bits.
+  const auto is_selected = [](const Spot& spot) {
+    return spot.signal != nullptr &&
+           spot.signal->multiplexing == DbcSignal::Multiplexing::kMultiplexed;
+  };
+  if (is_selected(one) && is_selected(other) && one.signal != other.signal &&
+      !other.signal->is_selected_by(one.signal->selector_value))
+    return "";
+  for (std::size_t i = 0; i < one.bits.size(); ++i) {
+    if ((one.bits[i] & other.bits[i]) != 0) return "shares bits with another sensor";
+  }
+  return "";
 }
 
 }  // namespace
@@ -119,9 +172,12 @@ void BinarySensors::read(ConfigurationMap& map, const Dbc& dbc) {
     BinarySensor sensor = read_sensor(entry, dbc);
     if (!sensor.name.empty() && !names.insert(sensor.name).second)
       entry.problem("name", "'" + sensor.name + "' is taken");
-    const bool is_double = std::ranges::any_of(
-        list, [&sensor](const BinarySensor& other) { return do_overlap(sensor, other); });
-    if (is_double) entry.problem("name", "'" + sensor.name + "' shares bits with another sensor");
+    for (const BinarySensor& other : list) {
+      const std::string conflict = conflict_of(sensor, other, dbc);
+      if (conflict.empty()) continue;
+      entry.problem("name", "'" + sensor.name + "' " + conflict + " ('" + other.name + "')");
+      break;
+    }
     list.push_back(std::move(sensor));
   }
   if (list.empty()) map.problem("sensors", "at least one sensor is needed");
@@ -133,9 +189,12 @@ void BinarySensors::read(ConfigurationMap& map, const Dbc& dbc) {
   options.read("nodes_start_themselves", nodes_start_themselves);
   options.read("heartbeat_steps", heartbeat_steps, {0.0, 1e6});
   options.read("repeat_steps", repeat_steps, {1.0, 1e6});
-  if (heartbeat_steps >= timeout_steps + 1)
+  const bool has_nodes = std::ranges::any_of(list, [](const BinarySensor& sensor) {
+    return sensor.protocol == BinarySensor::Protocol::kCanopen;
+  });
+  if (has_nodes && heartbeat_steps >= timeout_steps + 1)
     options.problem("heartbeat_steps", "is longer than timeout_steps: every node would be silent");
-  if (heartbeat_steps == 0 && !guards_nodes)
+  if (has_nodes && heartbeat_steps == 0 && !guards_nodes)
     options.problem("heartbeat_steps", "0 leaves no sign of life unless guards_nodes is true");
   for (ConfigurationMap& entry : options.maps("outages")) {
     SensorOutage outage;
@@ -149,6 +208,18 @@ void BinarySensors::read(ConfigurationMap& map, const Dbc& dbc) {
     if (outage.last_step < outage.first_step) entry.problem("last_step", "lies before first_step");
     outages.push_back(outage);
   }
+}
+
+std::string sensor_on(const BinarySensors& sensors, const Dbc& dbc, const DbcMessage& message) {
+  for (const BinarySensor& sensor : sensors.list) {
+    const bool has_node = sensor.protocol == BinarySensor::Protocol::kCanopen;
+    const auto node = static_cast<std::uint32_t>(sensor.node);
+    const std::uint32_t key = key_of(message.identifier, message.is_extended);
+    if (key == spot_of(sensor, dbc).key ||
+        (has_node && (key == 0x700 + node || key == 0x080 + node || key == 0)))
+      return sensor.name;
+  }
+  return "";
 }
 
 std::uint32_t j1939_identifier(std::uint32_t group_number, int source_address) {

@@ -55,6 +55,10 @@ struct BinarySensors {
   void read(ConfigurationMap& map, const Dbc& dbc);
 };
 
+/// Name of a sensor that sends, or is told things by, frames with the identifier of this message;
+/// empty when there is none.
+std::string sensor_on(const BinarySensors& sensors, const Dbc& dbc, const DbcMessage& message);
+
 /// 29-bit identifier of a parameter group, sent to all.
 std::uint32_t j1939_identifier(std::uint32_t group_number, int source_address);
 /// The parameter group of a 29-bit identifier, destination left out.

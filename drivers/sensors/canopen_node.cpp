@@ -27,23 +27,33 @@ bool CanopenRemote::sends(const CanFrame& frame) const {
          frame.identifier == kEmergency + node_;
 }
 
+bool CanopenRemote::take_state(std::uint8_t byte, std::int64_t step) {
+  // Boot-up has no toggle bit.
+  const auto state = byte == 0
+                         ? CanopenState::kBootUp
+                         : static_cast<CanopenState>(static_cast<std::uint8_t>(byte & ~kToggle));
+  const bool is_known = byte == 0 || state == CanopenState::kStopped ||
+                        state == CanopenState::kOperational ||
+                        state == CanopenState::kPreOperational;
+  if (!is_known) return false;
+  // Missing at the end of the step before.
+  const bool was_missing = !is_heard(step - 1);
+  if (was_missing || state == CanopenState::kBootUp) emergency_ = 0;
+  // What it said of its inputs before it left, or fell silent, is not what they are now.
+  if (was_missing || state != CanopenState::kOperational) num_inputs_ = 0;
+  last_life_step_ = step;
+  state_ = state == CanopenState::kBootUp ? CanopenState::kPreOperational : state;
+  return true;
+}
+
+bool CanopenRemote::tells_inputs(const CanFrame& frame) const {
+  return frame.identifier == kFirstPdo + node_;
+}
+
 bool CanopenRemote::on_frame(const CanFrame& frame, std::int64_t step) {
   if (frame.has(CanFrame::kFd)) return false;
-  if (frame.identifier == kHeartbeat + node_) {
-    if (frame.num_bytes != 1) return false;
-    const auto told = static_cast<std::uint8_t>(frame.data[0] & ~kToggle);
-    const auto state = static_cast<CanopenState>(told);
-    const bool is_known = state == CanopenState::kBootUp || state == CanopenState::kStopped ||
-                          state == CanopenState::kOperational ||
-                          state == CanopenState::kPreOperational;
-    if (!is_known) return false;
-    last_life_step_ = step;
-    if (state == CanopenState::kBootUp) emergency_ = 0;
-    // What it said of its inputs before it left is not what they are now.
-    if (state != CanopenState::kOperational) has_inputs_ = false;
-    state_ = state == CanopenState::kBootUp ? CanopenState::kPreOperational : state;
-    return true;
-  }
+  if (frame.identifier == kHeartbeat + node_)
+    return frame.num_bytes == 1 && take_state(frame.data[0], step);
   if (frame.identifier == kEmergency + node_) {
     if (frame.num_bytes != 8) return false;
     emergency_ = static_cast<std::uint16_t>(frame.data[0] | frame.data[1] << 8);
@@ -53,16 +63,16 @@ bool CanopenRemote::on_frame(const CanFrame& frame, std::int64_t step) {
   inputs_ = 0;
   for (std::size_t i = 0; i < frame.num_bytes; ++i)
     inputs_ |= static_cast<std::uint64_t>(frame.data[i]) << (8 * i);
-  has_inputs_ = true;
+  num_inputs_ = 8 * frame.num_bytes;
   return true;
 }
 
-InvalidReason CanopenRemote::reason(std::int64_t step, const BinarySensors& options) const {
+InvalidReason CanopenRemote::reason(int input, std::int64_t step, bool heeds_emergencies) const {
   if (last_life_step_ == 0) return InvalidReason::kNeverHeard;
-  if (step - last_life_step_ >= options.timeout_steps) return InvalidReason::kSilent;
+  if (!is_heard(step)) return InvalidReason::kSilent;
   if (state_ != CanopenState::kOperational) return InvalidReason::kNotOperational;
-  if (options.heeds_emergencies && emergency_ != 0) return InvalidReason::kError;
-  return has_inputs_ ? InvalidReason::kNone : InvalidReason::kNotAvailable;
+  if (heeds_emergencies && emergency_ != 0) return InvalidReason::kError;
+  return input <= num_inputs_ ? InvalidReason::kNone : InvalidReason::kNotAvailable;
 }
 
 CanFrame CanopenRemote::guard_request() const {

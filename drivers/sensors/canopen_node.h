@@ -23,29 +23,41 @@ CanFrame canopen_frame(std::uint32_t identifier, const std::vector<std::uint8_t>
 /// emergencies and its answers to node guarding. Pure.
 class CanopenRemote {
  public:
-  explicit CanopenRemote(int node) : node_(static_cast<std::uint32_t>(node)) {}
+  /// timeout_steps: silence after which what it said before says nothing any more.
+  explicit CanopenRemote(int node, std::int64_t timeout_steps = BinarySensors().timeout_steps)
+      : node_(static_cast<std::uint32_t>(node)), timeout_steps_(timeout_steps) {}
 
   int node() const { return static_cast<int>(node_); }
   /// True for a frame that this node sends.
   bool sends(const CanFrame& frame) const;
   /// Takes such a frame; false when its length or form is none that such a frame has.
   bool on_frame(const CanFrame& frame, std::int64_t step);
-  /// Whether its inputs are known in this step, and why not.
-  InvalidReason reason(std::int64_t step, const BinarySensors& options) const;
+  /// True for a frame that tells its inputs.
+  bool tells_inputs(const CanFrame& frame) const;
+  /// Whether an input, 1 to 64, is known in this step, and why not.
+  InvalidReason reason(int input, std::int64_t step, bool heeds_emergencies) const;
   /// Input i is bit i - 1.
   std::uint64_t inputs() const { return inputs_; }
   /// True when it is heard, and not operational.
-  bool wants_start() const { return last_life_step_ > 0 && state_ != CanopenState::kOperational; }
+  bool wants_start(std::int64_t step) const {
+    return is_heard(step) && state_ != CanopenState::kOperational;
+  }
   CanFrame start_command() const {
     return canopen_frame(0x000, {0x01, static_cast<std::uint8_t>(node_)});
   }
   CanFrame guard_request() const;
 
  private:
+  bool is_heard(std::int64_t step) const {
+    return last_life_step_ > 0 && step - last_life_step_ < timeout_steps_;
+  }
+  bool take_state(std::uint8_t byte, std::int64_t step);
+
   std::uint32_t node_;
+  std::int64_t timeout_steps_;
   CanopenState state_ = CanopenState::kBootUp;
   std::int64_t last_life_step_ = 0;  // 0: never
-  bool has_inputs_ = false;
+  int num_inputs_ = 0;               // that its latest TPDO told
   std::uint64_t inputs_ = 0;
   std::uint16_t emergency_ = 0;
 };

@@ -1,15 +1,18 @@
 #include "drivers/sensors/periodic_group.h"
 
 #include <algorithm>
+#include <set>
+#include <span>
 
 namespace holdfast {
 namespace {
 
-constexpr std::uint64_t kError = 2;
+constexpr std::uint64_t kFaulty = 2;
 
 }  // namespace
 
-PeriodicGroup::PeriodicGroup(const BinarySensor& first, const Dbc& dbc) : first_(first) {
+PeriodicGroup::PeriodicGroup(const BinarySensor& first, const Dbc& dbc, std::int64_t timeout_steps)
+    : first_(first), timeout_steps_(timeout_steps) {
   if (first.protocol == BinarySensor::Protocol::kDbc) {
     message_ = require_message(dbc, first.message);
     return;
@@ -34,7 +37,7 @@ std::size_t PeriodicGroup::add(const BinarySensor& sensor) {
     signal.start_bit = sensor.start_bit;
     signal.num_bits = 2;
   }
-  states_.push_back({signal, 0});
+  states_.push_back({signal});
   return states_.size() - 1;
 }
 
@@ -54,38 +57,61 @@ bool PeriodicGroup::on_frame(const CanFrame& frame, std::int64_t step) {
   const bool is_dbc = first_.protocol == BinarySensor::Protocol::kDbc;
   if (frame.has(CanFrame::kRemote) || (is_dbc && !message_.matches(frame))) return false;
   if (!is_dbc && frame.has(CanFrame::kFd)) return false;
-  const bool fits = std::ranges::all_of(
-      states_, [&frame](const State& state) { return state.signal.fits(frame.num_bytes); });
-  if (!fits) return false;
+  const bool was_silent = last_step_ > 0 && step - 1 - last_step_ >= timeout_steps_;
+  bool fits = false;
   for (State& state : states_) {
+    if (was_silent) state.is_told = false;
+    if (!state.signal.fits(frame.num_bytes)) {
+      state.is_told = false;
+      continue;
+    }
+    fits = true;
     // In a frame in which the multiplexer selects others the state stays as it was.
     if (is_dbc && !message_.carries(state.signal, frame.bytes())) continue;
     state.raw = state.signal.raw(frame.bytes());
+    state.is_told = true;
   }
-  last_step_ = step;
-  return true;
+  if (fits) last_step_ = step;
+  return fits;
 }
 
-InvalidReason PeriodicGroup::reason(std::size_t place, std::int64_t step,
-                                    const BinarySensors& options) const {
+InvalidReason PeriodicGroup::reason(std::size_t place, std::int64_t step) const {
   if (last_step_ == 0) return InvalidReason::kNeverHeard;
-  if (step - last_step_ >= options.timeout_steps) return InvalidReason::kSilent;
+  if (step - last_step_ >= timeout_steps_) return InvalidReason::kSilent;
   const State& state = states_[place];
-  if (state.raw < kError) return InvalidReason::kNone;
+  if (!state.is_told) return InvalidReason::kNotAvailable;
+  if (state.raw < kFaulty) return InvalidReason::kNone;
   const std::uint64_t all_ones =
       state.signal.num_bits >= 64 ? UINT64_MAX : (std::uint64_t{1} << state.signal.num_bits) - 1;
   return state.raw == all_ones ? InvalidReason::kNotAvailable : InvalidReason::kError;
 }
 
-CanFrame PeriodicGroup::encode(const std::vector<bool>& states) const {
-  CanFrame frame = message_.empty_frame();
-  if (first_.protocol == BinarySensor::Protocol::kJ1939) {
-    std::fill_n(frame.data.begin(), frame.num_bytes, std::uint8_t{0xFF});
-    if (first_.instance >= 0) frame.data[0] = static_cast<std::uint8_t>(first_.instance);
+void PeriodicGroup::encode(const std::vector<bool>& states, std::vector<CanFrame>& frames) const {
+  const auto is_selected = [](const State& state) {
+    return state.signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed;
+  };
+  std::set<std::int64_t> selected;
+  for (const State& state : states_) {
+    if (!is_selected(state)) continue;
+    const auto& ranges = state.signal.selector_ranges;
+    selected.insert(ranges.empty() ? state.signal.selector_value : ranges.front().first);
   }
-  for (std::size_t i = 0; i < states_.size(); ++i)
-    states_[i].signal.set_raw({frame.data.data(), frame.num_bytes}, states[i] ? 1 : 0);
-  return frame;
+  if (selected.empty()) selected.insert(0);
+  for (const std::int64_t value : selected) {
+    CanFrame frame = message_.empty_frame();
+    const std::span<std::uint8_t> data(frame.data.data(), frame.num_bytes);
+    if (first_.protocol == BinarySensor::Protocol::kJ1939) {
+      std::fill_n(frame.data.begin(), frame.num_bytes, std::uint8_t{0xFF});
+      if (first_.instance >= 0) frame.data[0] = static_cast<std::uint8_t>(first_.instance);
+    }
+    if (const DbcSignal* selector = message_.selector())
+      selector->set_raw(data, static_cast<std::uint64_t>(value));
+    for (std::size_t i = 0; i < states_.size(); ++i) {
+      if (!is_selected(states_[i]) || states_[i].signal.is_selected_by(value))
+        states_[i].signal.set_raw(data, states[i] ? 1 : 0);
+    }
+    frames.push_back(frame);
+  }
 }
 
 }  // namespace holdfast

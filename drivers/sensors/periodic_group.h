@@ -17,7 +17,9 @@ namespace holdfast {
 class PeriodicGroup {
  public:
   /// Precondition: the sensor is of J1939, or its message and signal are in the DBC.
-  PeriodicGroup(const BinarySensor& first, const Dbc& dbc);
+  /// timeout_steps: silence after which what it said before says nothing any more.
+  PeriodicGroup(const BinarySensor& first, const Dbc& dbc,
+                std::int64_t timeout_steps = BinarySensors().timeout_steps);
 
   /// True for a sensor that stands in the same frame.
   bool holds(const BinarySensor& sensor) const;
@@ -25,23 +27,27 @@ class PeriodicGroup {
   std::size_t add(const BinarySensor& sensor);
 
   bool is_one(const CanFrame& frame) const;
-  /// Takes such a frame; false when it is too short, or not of the message's form.
+  /// Takes such a frame; false when it is too short for all of the states, or not of the message's
+  /// form.
   bool on_frame(const CanFrame& frame, std::int64_t step);
-  InvalidReason reason(std::size_t place, std::int64_t step, const BinarySensors& options) const;
+  InvalidReason reason(std::size_t place, std::int64_t step) const;
   bool state(std::size_t place) const { return states_[place].raw == 1; }
 
-  /// The frame that says these states, all else not available (J1939) or zero (DBC).
-  CanFrame encode(const std::vector<bool>& states) const;
+  /// Appends the frames that say these states, all else not available (J1939) or zero (DBC): one,
+  /// or of a multiplexed message one for each value of the selector that some state needs.
+  void encode(const std::vector<bool>& states, std::vector<CanFrame>& frames) const;
 
  private:
   struct State {
     DbcSignal signal;
     std::uint64_t raw = 0;
+    bool is_told = false;
   };
 
   BinarySensor first_;
   DbcMessage message_;
   std::vector<State> states_;
+  std::int64_t timeout_steps_;
   std::int64_t last_step_ = 0;  // 0: never heard
 };
 

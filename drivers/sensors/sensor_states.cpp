@@ -10,12 +10,12 @@ bool is_node(const BinarySensor& sensor) {
 }
 
 // The group of the sensor, a new one where there is none yet.
-std::size_t group_of(const BinarySensor& sensor, const Dbc& dbc,
+std::size_t group_of(const BinarySensor& sensor, const Dbc& dbc, std::int64_t timeout_steps,
                      std::vector<PeriodicGroup>& groups) {
   for (std::size_t i = 0; i < groups.size(); ++i) {
     if (groups[i].holds(sensor)) return i;
   }
-  groups.emplace_back(sensor, dbc);
+  groups.emplace_back(sensor, dbc, timeout_steps);
   return groups.size() - 1;
 }
 
@@ -29,12 +29,13 @@ bool wire_state(const BinarySensor& sensor, bool state) {
 SensorStates::SensorStates(const BinarySensors& sensors, const Dbc& dbc) : sensors_(sensors) {
   for (const BinarySensor& sensor : sensors_.list) {
     if (!is_node(sensor)) {
-      const std::size_t group = group_of(sensor, dbc, groups_);
+      const std::size_t group = group_of(sensor, dbc, sensors_.timeout_steps, groups_);
       places_.push_back({false, group, groups_[group].add(sensor)});
       continue;
     }
     auto found = std::ranges::find(nodes_, sensor.node, &CanopenRemote::node);
-    if (found == nodes_.end()) found = nodes_.emplace(nodes_.end(), sensor.node);
+    if (found == nodes_.end())
+      found = nodes_.emplace(nodes_.end(), sensor.node, sensors_.timeout_steps);
     places_.push_back({true, static_cast<std::size_t>(found - nodes_.begin()),
                        static_cast<std::size_t>(sensor.input - 1)});
   }
@@ -46,19 +47,19 @@ SensorStates::Taken SensorStates::on_frame(const CanFrame& frame, std::int64_t r
                                            std::int64_t step) {
   Taken taken = Taken::kUnknown;
   // One frame may serve several: a group that is read with and without its instance.
-  const auto take = [&](auto& device, bool is_its, Heard& heard) {
+  const auto take = [&](auto& device, bool is_its, bool tells, Heard& heard) {
     if (!is_its) return;
     if (!device.on_frame(frame, step)) {
       if (taken == Taken::kUnknown) taken = Taken::kWrongFormat;
       return;
     }
     taken = Taken::kTaken;
-    heard = {rx_index, frame.receive_time_ns / 1000};
+    if (tells) heard = {rx_index, frame.receive_time_ns / 1000};
   };
   for (std::size_t i = 0; i < nodes_.size(); ++i)
-    take(nodes_[i], nodes_[i].sends(frame), node_heard_[i]);
+    take(nodes_[i], nodes_[i].sends(frame), nodes_[i].tells_inputs(frame), node_heard_[i]);
   for (std::size_t i = 0; i < groups_.size(); ++i)
-    take(groups_[i], groups_[i].is_one(frame), group_heard_[i]);
+    take(groups_[i], groups_[i].is_one(frame), true, group_heard_[i]);
   return taken;
 }
 
@@ -66,8 +67,9 @@ void SensorStates::sample(std::int64_t step, MeasurementSet& set) const {
   for (std::size_t i = 0; i < places_.size(); ++i) {
     const Place& place = places_[i];
     const InvalidReason reason = place.is_node
-                                     ? nodes_[place.index].reason(step, sensors_)
-                                     : groups_[place.index].reason(place.place, step, sensors_);
+                                     ? nodes_[place.index].reason(static_cast<int>(place.place) + 1,
+                                                                  step, sensors_.heeds_emergencies)
+                                     : groups_[place.index].reason(place.place, step);
     if (reason != InvalidReason::kNone) {
       set.invalid.push_back({static_cast<int>(i), reason});
       continue;
@@ -84,10 +86,10 @@ void SensorStates::sample(std::int64_t step, MeasurementSet& set) const {
   }
 }
 
-void SensorStates::ask(std::vector<CanFrame>& frames) const {
+void SensorStates::ask(std::int64_t step, std::vector<CanFrame>& frames) const {
   for (const CanopenRemote& node : nodes_) {
     if (sensors_.guards_nodes) frames.push_back(node.guard_request());
-    if (sensors_.starts_nodes && node.wants_start()) frames.push_back(node.start_command());
+    if (sensors_.starts_nodes && node.wants_start(step)) frames.push_back(node.start_command());
   }
 }
 
@@ -106,7 +108,7 @@ SensorTwins::SensorTwins(const BinarySensors& sensors, const Dbc& dbc) : sensors
       found->node = 0;  // numbered below
       found->inputs.push_back(static_cast<std::size_t>(sensor.input - 1));
     } else {
-      found->group = group_of(sensor, dbc, groups_);
+      found->group = group_of(sensor, dbc, sensors_.timeout_steps, groups_);
       groups_[found->group].add(sensor);
     }
   }
@@ -143,7 +145,7 @@ void SensorTwins::step(std::int64_t step, const std::vector<std::vector<double>>
     if (device.node >= 0) {
       nodes_[static_cast<std::size_t>(device.node)].step(inputs, silent, frames);
     } else if (!silent) {
-      frames.push_back(groups_[device.group].encode(states_));
+      groups_[device.group].encode(states_, frames);
     }
   }
 }

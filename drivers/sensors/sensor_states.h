@@ -22,8 +22,8 @@ class SensorStates {
   /// Adds to the set one packet for each sensor whose state is known, in their order, and the
   /// others to its invalid ones. A packet has the index of the frame that told of it last.
   void sample(std::int64_t step, MeasurementSet& set) const;
-  /// Appends what nodes are to be told or asked, after a step.
-  void ask(std::vector<CanFrame>& frames) const;
+  /// Appends what nodes are to be told or asked after this step.
+  void ask(std::int64_t step, std::vector<CanFrame>& frames) const;
 
  private:
   // Where a sensor's state is kept: in a node or a group.

@@ -97,6 +97,11 @@ TEST_CASE("a watched client that goes or is silent is missed, another one is not
   s.loop.run_for(0.3);
   REQUIRE(s.lost.size() == 2);
   CHECK(s.lost[1].find("silent") != std::string::npos);
+  // He is told by the end of the connection, and that end is no second loss.
+  CHECK(heard(silent).starts_with("to watch"));
+  char byte = 0;
+  CHECK(recv(silent.get(), &byte, 1, 0) == 0);
+  CHECK(s.lost.size() == 2);
 }
 
 TEST_CASE("a client that floods without a line's end is cut off") {

@@ -186,6 +186,18 @@ TEST_CASE("delays of several rules add up, and probability 0 is no rule") {
   CHECK(none.records.empty());
 }
 
+TEST_CASE("frames that no rule knows pass while others are held, of any width") {
+  CanFrame wide;
+  wide.identifier = 0x1ABCDEF0;
+  wide.flags = CanFrame::kExtended;
+  const auto frames = steps_of(5, [&wide](int step) {
+    return std::vector<CanFrame>{reading("Level", step, "LEVEL", step), wide};
+  });
+  const Outcome outcome = run_proxy(rules_of(delay_rule("delay_steps: 2")), frames);
+  CHECK(outcome.counters.passed == 10);
+  CHECK(outcome.counters.balance());
+}
+
 TEST_CASE("a delay line that is full loses frames, and says so") {
   constexpr auto kMany = static_cast<int>(FrameHold::kFramesMax) + 100;
   std::vector<CanFrame> frames(kMany, reading("Level", 1, "LEVEL", 1));

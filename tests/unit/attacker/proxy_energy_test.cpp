@@ -98,6 +98,8 @@ TEST_CASE("a wrong budget is told") {
   CHECK(problems_of(pair_rule("action: drop, energy: {refill_per_step: 1}")).find("budget") !=
         std::string::npos);
   CHECK(problems_of(pair_rule("action: drop, energy: {budget: -1}")) != "");
+  CHECK(problems_of(pair_rule("action: drop, energy: {budget: 0.5}")).find("never act") !=
+        std::string::npos);
   CHECK(problems_of(pair_rule("action: arm, energy: {budget: 1}")).find("costs nothing") !=
         std::string::npos);
 }

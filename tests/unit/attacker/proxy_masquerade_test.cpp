@@ -87,6 +87,31 @@ TEST_CASE("without a value the last genuine frame is repeated, its counter going
   CHECK(value_of(outcome.sent[outcome.sent.size() - 2], "LEVEL") == 120.0);
 }
 
+TEST_CASE("what a sender left out before the window is not made up for, and a gap is no pace") {
+  // Silent in steps 21 to 40: no burst at the start of the window.
+  const Outcome outcome = outcome_of("", [](int step) { return step <= 20 ? 1 : 0; });
+  const std::vector<std::int64_t> steps = forged_steps(outcome);
+  CHECK(steps.size() == 60);
+  CHECK(std::ranges::adjacent_find(steps) == steps.end());
+  SenderPace pace;
+  for (std::int64_t step = 1; step <= 50; ++step) pace.learn(step, reading("Level", step, "", 0));
+  for (std::int64_t step = 51; step <= 150; ++step) CHECK(pace.due(step) == 1);
+  pace.learn(250, reading("Level", 250, "", 0));
+  for (std::int64_t step = 251; step <= 270; ++step) CHECK(pace.due(step) == 1);
+}
+
+TEST_CASE("a sender is silenced whatever form its frames have") {
+  CanFrame remote = reading("Level", 45, "", 0), cut = remote;
+  remote.flags |= CanFrame::kRemote;
+  cut.num_bytes = 2;
+  std::vector<CanFrame> frames = steps_of(
+      40, [](int step) { return std::vector<CanFrame>{reading("Level", step, "LEVEL", 1)}; });
+  frames.insert(frames.end(), {remote, cut, tick(41)});
+  const Outcome outcome = run_proxy(rules_of(masquerade("")), frames);
+  CHECK(outcome.counters.dropped == 2);
+  CHECK(outcome.counters.injected == 1);
+}
+
 TEST_CASE("a sender of whom too little was heard is silenced only") {
   CHECK(forged_steps(outcome_of("", [](int step) { return step >= 41 ? 1 : 0; })).empty());
   CHECK(forged_steps(outcome_of("", [](int step) { return step == 30 ? 1 : 0; })).empty());
@@ -115,6 +140,12 @@ TEST_CASE("a masquerade of a part of the frames is refused") {
       problems_of("attacks: [{name: m, match: {messages: [Level]}, action: masquerade}, {name: d, "
                   "given: m, action: drop}]")
           .find("drops") != std::string::npos);
+  CHECK(problems_of("attacks: [{name: m, match: {messages: [Level], type: data}, action: "
+                    "masquerade}]")
+            .find("whatever they hold") != std::string::npos);
+  CHECK(rules_of(masquerade(", signal: LEVEL, value: {distribution: replay, delay_steps: 3}"))
+            .at(0)
+            .attack_class == "masquerade");
   // As it is resolved it reads back.
   ConfigurationDocument document = ConfigurationDocument::from_text(masquerade(""), "t");
   read_attack_rules(document.root(), test_layout());

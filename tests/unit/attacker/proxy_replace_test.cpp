@@ -132,3 +132,90 @@ TEST_CASE("a paused rule does nothing and remembers all") {
   CHECK(proxy.generation() == 2);
   CHECK(proxy.num_acts(0) == 3);
 }
+
+TEST_CASE("where all rules pause, what is held goes out with the next frame, and nothing waits") {
+  ProxyCore proxy(list("{name: late, match: {messages: [Level]}, action: delay, delay_steps: 500}"),
+                  test_layout(), 1, 0, 1.0);
+  ProxyOutput out;
+  for (int step = 1; step <= 12; ++step) {
+    if (step == 9) {
+      std::vector<AttackRule> rules = proxy.rules();
+      rules[0].is_paused = true;
+      proxy.replace_rules(std::move(rules), test_layout());
+    }
+    for (const CanFrame& frame : frames_of_step(step)) proxy.on_frame(frame, out);
+    proxy.on_frame(tick(step), out);
+  }
+  CHECK(proxy.num_held() == 0);
+  CHECK(proxy.counters().held == 8);
+  CHECK(proxy.counters().released == 8);
+  CHECK(proxy.counters().balance());
+  std::vector<double> levels;
+  for (const CanFrame& frame : out.frames) {
+    if (frame.identifier == 0x120) levels.push_back(value_of(frame, "LEVEL"));
+  }
+  CHECK(levels.size() == 12);
+  CHECK(std::ranges::is_sorted(levels));
+}
+
+TEST_CASE("a held frame keeps the rule that holds it, whatever takes that rule's name") {
+  const std::string late =
+      "{name: x, match: {messages: [Level]}, action: delay, delay_steps: 5, class: suspension}";
+  ProxyCore proxy(list(late), test_layout(), 1, 0, 1.0);
+  ProxyOutput out;
+  for (const CanFrame& frame : frames_of_step(1)) proxy.on_frame(frame, out);
+  const auto swap = [&proxy](const std::string& rules) {
+    proxy.replace_rules(list(rules), test_layout());
+  };
+  swap("{name: x, match: {messages: [Flag1]}, action: drop}");
+  REQUIRE(proxy.rules().size() == 2);
+  for (int i = 0; i < 50; ++i)  // rules that nothing names are not kept
+    swap("{name: y" + std::to_string(i) + ", match: {messages: [Flag1]}, action: drop}");
+  CHECK(proxy.rules().size() == 2);
+  out.clear();
+  for (int step = 1; step <= 6; ++step) {
+    if (step > 1) proxy.on_frame(reading("Flag2", step, "", 0), out);
+    proxy.on_frame(tick(step), out);
+  }
+  REQUIRE(out.records.size() == 1);
+  CHECK(out.records[0].disposition == Disposition::kReleased);
+  CHECK(proxy.rules()[out.records[0].rule].name == "x");
+  CHECK(proxy.rules()[out.records[0].rule].action == AttackRule::Action::kDelay);
+}
+
+TEST_CASE("a rule that was taken away and comes again starts anew") {
+  const auto three = list(kThree);
+  ProxyCore proxy(list(kThree + ", {name: late, match: {messages: [Level]}, action: delay, "
+                                "delay_steps: 100}"),
+                  test_layout(), 1, 0, 1.0);
+  ProxyOutput out;
+  for (int step = 1; step <= 12; ++step) {
+    if (step == 6) proxy.replace_rules({}, test_layout());
+    if (step == 7) proxy.replace_rules(three, test_layout());
+    for (const CanFrame& frame : frames_of_step(step)) proxy.on_frame(frame, out);
+    proxy.on_frame(tick(step), out);
+  }
+  CHECK(proxy.counters().duplicated == 6);
+}
+
+TEST_CASE("to pause and resume within a step moves nothing on") {
+  const std::string rules = kWalk +
+                            ", {name: burst, match: {messages: [Flag1]}, action: drop, draw: step, "
+                            "chain: {to_bad: 0.5, to_good: 0.5}}";
+  const auto run = [&rules](bool interrupts) {
+    ProxyCore proxy(list(rules), test_layout(), 1, 0, 1.0);
+    ProxyOutput out;
+    for (int step = 1; step <= 30; ++step) {
+      for (const bool is_paused : {true, false}) {
+        if (!interrupts) break;
+        std::vector<AttackRule> again = list(rules);
+        for (AttackRule& rule : again) rule.is_paused = is_paused;
+        proxy.replace_rules(std::move(again), test_layout());
+      }
+      for (const CanFrame& frame : frames_of_step(step)) proxy.on_frame(frame, out);
+      proxy.on_frame(tick(step), out);
+    }
+    return out.frames;
+  };
+  CHECK(same_frames(run(true), run(false)));
+}

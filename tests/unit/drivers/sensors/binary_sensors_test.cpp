@@ -9,7 +9,10 @@ namespace {
 BinarySensors read(const std::string& yaml) {
   static const Dbc dbc = parse_dbc(
       "VERSION \"\"\nBU_: V\nBO_ 256 Level: 1 V\n SG_ HIGH : 0|1@1+ (1,0) [0|1] \"\" V\n"
-      " SG_ LOW : 1|1@1- (1,0) [0|1] \"\" V\n");
+      " SG_ LOW : 1|1@1- (1,0) [0|1] \"\" V\n SG_ WIDE : 0|2@1+ (1,0) [0|3] \"\" V\n"
+      "BO_ 385 Inputs: 1 V\n SG_ ALL : 0|8@1+ (1,0) [0|255] \"\" V\n"
+      "BO_ 304 Mux: 2 V\n SG_ WHICH M : 0|8@1+ (1,0) [0|255] \"\" V\n"
+      " SG_ A m1 : 8|1@1+ (1,0) [0|1] \"\" V\n SG_ B m2 : 8|1@1+ (1,0) [0|1] \"\" V\n");
   ConfigurationDocument document = ConfigurationDocument::from_text(yaml, "t");
   BinarySensors sensors;
   ConfigurationMap root = document.root();
@@ -82,6 +85,18 @@ TEST_CASE("what no sensor can be is told") {
   CHECK(says("sensors: [{dbc: {message: Nobody, signal: HIGH}}]", "no message"));
   CHECK(says("sensors: [{dbc: {message: Level, signal: NONE}}]", "no signal"));
   CHECK(says("sensors: [{dbc: {message: Level, signal: LOW}}]", "unsigned"));
+  CHECK(
+      says("sensors: [{j1939: {pgn: 127501, source: 1, instance: 0, item: 2}}, {j1939: {pgn: "
+           "127501, source: 1, item: 9}}]",
+           "say it for both"));
+  CHECK(says("sensors: [{dbc: {message: Inputs, signal: ALL}}, {canopen: {node: 1, input: 3}}]",
+             "another protocol"));
+  CHECK(
+      says("sensors: [{dbc: {message: Level, signal: WIDE}}, {dbc: {message: Level, signal: "
+           "HIGH}}]",
+           "shares bits"));
+  CHECK(problem_of(
+            "sensors: [{dbc: {message: Mux, signal: A}}, {dbc: {message: Mux, signal: B}}]") == "");
   const std::string one = "sensors: [{canopen: {node: 1, input: 1}, name: a}]\nsensor_options: ";
   CHECK(says(one + "{outages: [{sensor: b}]}", "no sensor is named 'b'"));
   CHECK(says(one + "{outages: [{sensor: a, first_step: 5, last_step: 4}]}", "before first_step"));

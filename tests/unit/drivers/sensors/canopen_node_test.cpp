@@ -6,10 +6,8 @@
 namespace holdfast {
 namespace {
 
-BinarySensors options_of(std::int64_t timeout_steps = 3) {
-  BinarySensors options;
-  options.timeout_steps = timeout_steps;
-  return options;
+BinarySensors options_of() {
+  return {};
 }
 
 CanFrame heartbeat(int node, std::uint8_t state) {
@@ -29,23 +27,38 @@ using Identifiers = std::vector<std::uint32_t>;
 TEST_CASE("a node's inputs are known while it is operational, has told them, and is alive") {
   const BinarySensors options = options_of();
   CanopenRemote node(5);
-  CHECK(node.reason(1, options) == InvalidReason::kNeverHeard);
-  CHECK_FALSE(node.wants_start());
+  CHECK(node.reason(1, 1, options.heeds_emergencies) == InvalidReason::kNeverHeard);
+  CHECK_FALSE(node.wants_start(1));
   REQUIRE(node.on_frame(heartbeat(5, 0x00), 2));
-  CHECK(node.reason(2, options) == InvalidReason::kNotOperational);
-  CHECK(node.wants_start());
+  CHECK(node.reason(1, 2, options.heeds_emergencies) == InvalidReason::kNotOperational);
+  CHECK(node.wants_start(2));
+  CHECK_FALSE(node.wants_start(9));  // nobody is there to be told
   CHECK(node.start_command().same_on_wire(canopen_frame(0x000, {0x01, 0x05})));
   REQUIRE(node.on_frame(heartbeat(5, 0x05), 3));
-  CHECK_FALSE(node.wants_start());
-  CHECK(node.reason(3, options) == InvalidReason::kNotAvailable);
+  CHECK_FALSE(node.wants_start(3));
+  CHECK(node.reason(1, 3, options.heeds_emergencies) == InvalidReason::kNotAvailable);
   REQUIRE(node.on_frame(canopen_frame(0x185, {0x81, 0x40}), 3));
-  CHECK(node.reason(3, options) == InvalidReason::kNone);
+  CHECK(node.reason(1, 3, options.heeds_emergencies) == InvalidReason::kNone);
   CHECK(node.inputs() == 0x4081);
   // An unchanged state needs no frame, only a sign of life.
-  CHECK(node.reason(5, options) == InvalidReason::kNone);
-  CHECK(node.reason(6, options) == InvalidReason::kSilent);
+  CHECK(node.reason(1, 5, options.heeds_emergencies) == InvalidReason::kNone);
+  CHECK(node.reason(1, 6, options.heeds_emergencies) == InvalidReason::kSilent);
+  // In time, though only just.
   REQUIRE(node.on_frame(heartbeat(5, 0x05), 6));
-  CHECK(node.reason(6, options) == InvalidReason::kNone);
+  CHECK(node.reason(1, 6, options.heeds_emergencies) == InvalidReason::kNone);
+  // Back after a step of silence: what it said before is not what it would say now.
+  REQUIRE(node.on_frame(heartbeat(5, 0x05), 10));
+  CHECK(node.reason(1, 10, options.heeds_emergencies) == InvalidReason::kNotAvailable);
+}
+
+TEST_CASE("an input that a frame is too short for is not known") {
+  CanopenRemote node(5);
+  node.on_frame(heartbeat(5, 0x05), 1);
+  node.on_frame(canopen_frame(0x185, {0xFF}), 1);
+  CHECK(node.reason(8, 1, true) == InvalidReason::kNone);
+  CHECK(node.reason(9, 1, true) == InvalidReason::kNotAvailable);
+  CHECK(node.tells_inputs(canopen_frame(0x185, {0xFF})));
+  CHECK_FALSE(node.tells_inputs(heartbeat(5, 0x05)));
 }
 
 TEST_CASE("a node that booted anew, stopped or fell back must tell its inputs again") {
@@ -54,11 +67,11 @@ TEST_CASE("a node that booted anew, stopped or fell back must tell its inputs ag
     CanopenRemote node(1);
     node.on_frame(heartbeat(1, 0x05), 1);
     node.on_frame(canopen_frame(0x181, {0xFF}), 1);
-    REQUIRE(node.reason(1, options) == InvalidReason::kNone);
+    REQUIRE(node.reason(1, 1, options.heeds_emergencies) == InvalidReason::kNone);
     node.on_frame(heartbeat(1, state), 1);
-    CHECK(node.reason(1, options) == InvalidReason::kNotOperational);
+    CHECK(node.reason(1, 1, options.heeds_emergencies) == InvalidReason::kNotOperational);
     node.on_frame(heartbeat(1, 0x05), 1);
-    CHECK(node.reason(1, options) == InvalidReason::kNotAvailable);
+    CHECK(node.reason(1, 1, options.heeds_emergencies) == InvalidReason::kNotAvailable);
   }
 }
 
@@ -68,20 +81,20 @@ TEST_CASE("an emergency makes inputs invalid until it is over, unless it is not 
   node.on_frame(heartbeat(1, 0x05), 1);
   node.on_frame(canopen_frame(0x181, {0x01}), 1);
   REQUIRE(node.on_frame(canopen_frame(0x081, {0x10, 0x31, 0x05, 0, 0, 0, 0, 0}), 1));
-  CHECK(node.reason(1, options) == InvalidReason::kError);
+  CHECK(node.reason(1, 1, options.heeds_emergencies) == InvalidReason::kError);
   options.heeds_emergencies = false;
-  CHECK(node.reason(1, options) == InvalidReason::kNone);
+  CHECK(node.reason(1, 1, options.heeds_emergencies) == InvalidReason::kNone);
   options.heeds_emergencies = true;
   REQUIRE(node.on_frame(canopen_frame(0x081, {0, 0, 0, 0, 0, 0, 0, 0}), 1));
-  CHECK(node.reason(1, options) == InvalidReason::kNone);
+  CHECK(node.reason(1, 1, options.heeds_emergencies) == InvalidReason::kNone);
 }
 
 TEST_CASE("an answer to node guarding is a sign of life, whatever its toggle bit") {
-  const BinarySensors options = options_of(1);
-  CanopenRemote node(3);
+  const BinarySensors options;
+  CanopenRemote node(3, 1);
   for (const std::uint8_t state : {0x05, 0x85, 0x05}) {
     REQUIRE(node.on_frame(heartbeat(3, state), 4));
-    CHECK(node.reason(4, options) == InvalidReason::kNotAvailable);
+    CHECK(node.reason(1, 4, options.heeds_emergencies) == InvalidReason::kNotAvailable);
   }
   const CanFrame request = node.guard_request();
   CHECK(request.identifier == 0x703);
@@ -99,9 +112,10 @@ TEST_CASE("frames of other nodes and of no sound form say nothing") {
   CHECK_FALSE(node.on_frame(canopen_frame(0x705, {}), 1));
   CHECK_FALSE(node.on_frame(canopen_frame(0x705, {0x05, 0x05}), 1));
   CHECK_FALSE(node.on_frame(heartbeat(5, 0x33), 1));
+  CHECK_FALSE(node.on_frame(heartbeat(5, 0x80), 1));  // boot-up has no toggle bit
   CHECK_FALSE(node.on_frame(canopen_frame(0x185, {}), 1));
   CHECK_FALSE(node.on_frame(canopen_frame(0x085, {1, 2}), 1));
-  CHECK(node.reason(1, options_of()) == InvalidReason::kNeverHeard);
+  CHECK(node.reason(1, 1, true) == InvalidReason::kNeverHeard);
 }
 
 TEST_CASE("a device boots, lives, and tells its inputs when they change and again after a while") {

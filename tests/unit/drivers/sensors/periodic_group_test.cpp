@@ -36,6 +36,12 @@ BO_ 304 Mux: 2 Vendor
  SG_ B m2 : 8|1@1+ (1,0) [0|1] "" Vendor
 )dbc";
 
+std::vector<CanFrame> encoded(const PeriodicGroup& group, const std::vector<bool>& states) {
+  std::vector<CanFrame> frames;
+  group.encode(states, frames);
+  return frames;
+}
+
 BinarySensor signal_of(const std::string& message, const std::string& signal) {
   BinarySensor sensor;
   sensor.message = message;
@@ -58,22 +64,20 @@ TEST_CASE("identifiers of parameter groups") {
 }
 
 TEST_CASE("two bits say 0, 1, faulty or not available, and silence says so") {
-  BinarySensors options;
-  options.timeout_steps = 2;
-  PeriodicGroup group(switch_item(1), {});
+  PeriodicGroup group(switch_item(1), {}, 2);
   for (int item = 1; item <= 4; ++item) group.add(switch_item(item));
-  CHECK(group.reason(0, 1, options) == InvalidReason::kNeverHeard);
+  CHECK(group.reason(0, 1) == InvalidReason::kNeverHeard);
   // Items 1 to 4 of the first byte: 00, 01, 10, 11.
   const CanFrame frame = group_frame(0x0DF20D21, {0x00, 0xE4, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF});
   REQUIRE(group.is_one(frame));
   REQUIRE(group.on_frame(frame, 5));
   const InvalidReason expected[] = {InvalidReason::kNone, InvalidReason::kNone,
                                     InvalidReason::kError, InvalidReason::kNotAvailable};
-  for (std::size_t i = 0; i < 4; ++i) CHECK(group.reason(i, 5, options) == expected[i]);
+  for (std::size_t i = 0; i < 4; ++i) CHECK(group.reason(i, 5) == expected[i]);
   CHECK_FALSE(group.state(0));
   CHECK(group.state(1));
-  CHECK(group.reason(0, 6, options) == InvalidReason::kNone);
-  CHECK(group.reason(0, 7, options) == InvalidReason::kSilent);
+  CHECK(group.reason(0, 6) == InvalidReason::kNone);
+  CHECK(group.reason(0, 7) == InvalidReason::kSilent);
 }
 
 TEST_CASE("a group is told by number, address and instance, not by priority") {
@@ -87,8 +91,14 @@ TEST_CASE("a group is told by number, address and instance, not by priority") {
   CHECK_FALSE(group.is_one(CanFrame{}));
   CHECK(PeriodicGroup(switch_item(1, -1), {})
             .is_one(group_frame(0x0DF20D21, {9, 0, 0, 0, 0, 0, 0, 0})));
-  // Too short for the last item.
+  // Too short for the last item; of others, too short for some.
   CHECK_FALSE(group.on_frame(group_frame(0x0DF20D21, {0, 0, 0}), 1));
+  PeriodicGroup two(switch_item(1), {});
+  two.add(switch_item(1));
+  two.add(switch_item(5));
+  REQUIRE(two.on_frame(group_frame(0x0DF20D21, {0, 0xF1}), 1));
+  CHECK(two.reason(0, 1) == InvalidReason::kNone);
+  CHECK(two.reason(1, 1) == InvalidReason::kNotAvailable);
   REQUIRE(group.on_frame(group_frame(0x0DF20D21, bytes), 1));
   CHECK(group.state(0));
   CHECK(group.holds(switch_item(7)));
@@ -99,7 +109,7 @@ TEST_CASE("what is encoded is decoded, and the rest is not available") {
   PeriodicGroup group(switch_item(2), {});
   group.add(switch_item(2));
   group.add(switch_item(28));
-  const CanFrame frame = group.encode({true, false});
+  const CanFrame frame = encoded(group, {true, false}).at(0);
   CHECK(frame.identifier == 0x0DF20D21);
   CHECK(frame.has(CanFrame::kExtended));
   CHECK(frame.data[0] == 0);
@@ -113,11 +123,10 @@ TEST_CASE("what is encoded is decoded, and the rest is not available") {
 TEST_CASE("signals of a DBC: 0, 1, and wider ones the same four states") {
   const Dbc dbc = parse_dbc(kDbc);
   REQUIRE(dbc.problems.empty());
-  BinarySensors options;
   PeriodicGroup group(signal_of("Doors", "FRONT"), dbc);
   group.add(signal_of("Doors", "FRONT"));
   group.add(signal_of("Doors", "REAR"));
-  CHECK(group.encode({true, true}).data[0] == 0x09);
+  CHECK(encoded(group, {true, true}).at(0).data[0] == 0x09);
   const std::uint32_t identifier = 2566848513U & 0x1FFFFFFFU;
   const std::pair<std::uint8_t, InvalidReason> cases[] = {{0, InvalidReason::kNone},
                                                           {1, InvalidReason::kNone},
@@ -127,9 +136,9 @@ TEST_CASE("signals of a DBC: 0, 1, and wider ones the same four states") {
   for (const auto& [raw, reason] : cases) {
     REQUIRE(
         group.on_frame(group_frame(identifier, {static_cast<std::uint8_t>(1 | raw << 3), 0}), 1));
-    CHECK(group.reason(0, 1, options) == InvalidReason::kNone);
+    CHECK(group.reason(0, 1) == InvalidReason::kNone);
     CHECK(group.state(0));
-    CHECK(group.reason(1, 1, options) == reason);
+    CHECK(group.reason(1, 1) == reason);
     CHECK(group.state(1) == (raw == 1));
   }
   CHECK_FALSE(group.on_frame(group_frame(identifier, {1}), 1));
@@ -150,6 +159,8 @@ TEST_CASE("a state that the multiplexer does not select stays as it was") {
     return result;
   };
   REQUIRE(group.on_frame(frame(1, 1), 1));
+  CHECK(group.reason(0, 1) == InvalidReason::kNone);
+  CHECK(group.reason(1, 1) == InvalidReason::kNotAvailable);  // nothing was said of it yet
   REQUIRE(group.on_frame(frame(2, 0), 1));
   CHECK(group.state(0));
   CHECK_FALSE(group.state(1));
@@ -157,6 +168,15 @@ TEST_CASE("a state that the multiplexer does not select stays as it was") {
   REQUIRE(group.on_frame(frame(1, 0), 2));
   CHECK_FALSE(group.state(0));
   CHECK(group.state(1));
+  // After silence each has to be told again.
+  REQUIRE(group.on_frame(frame(2, 1), 20));
+  CHECK(group.reason(0, 20) == InvalidReason::kNotAvailable);
+  CHECK(group.reason(1, 20) == InvalidReason::kNone);
+  // Its twin sends one frame for each value of the selector.
+  const std::vector<CanFrame> frames = encoded(group, {true, false});
+  REQUIRE(frames.size() == 2);
+  CHECK(frames[0].same_on_wire(frame(1, 1)));
+  CHECK(frames[1].same_on_wire(frame(2, 0)));
 }
 
 }  // namespace holdfast

@@ -51,7 +51,7 @@ struct Bench {
     MeasurementSet set;
     states.sample(number, set);
     asked.clear();
-    states.ask(asked);
+    states.ask(number, asked);
     for (const CanFrame& frame : asked) twins.on_frame(frame);
     return set;
   }

@@ -38,8 +38,8 @@ TEST_CASE("identifiers with their rates, changing bits and what they may be") {
   // The only input that moved is offered, and the group's two bits.
   CHECK(says(look, "- {canopen: {node: 5, input: 3}}"));
   CHECK_FALSE(says(look, "input: 7"));
-  CHECK(says(look, "- {j1939: {pgn: 127501, source: 33, start_bit: 8}}"));
-  CHECK_FALSE(says(look, "start_bit: 10"));
+  CHECK(says(look, "- {j1939: {pgn: 127501, source: 33, instance: 0, item: 1}}"));
+  CHECK_FALSE(says(look, "item: 2"));
 }
 
 TEST_CASE("what a DBC names is named, and its narrow signals are offered") {
@@ -53,6 +53,24 @@ TEST_CASE("what a DBC names is named, and its narrow signals are offered") {
   CHECK_FALSE(says(look, "signal: RAW"));
   look.on_frame(canopen_frame(0x100, {0x01, 0x02}), 1);
   CHECK(says(look, "another form"));
+}
+
+TEST_CASE("requests, other lengths and other banks are no changes") {
+  BusLook look;
+  CanFrame request = canopen_frame(0x185, {0});
+  request.flags |= CanFrame::kRemote;
+  look.on_frame(canopen_frame(0x185, {0xFF}), 0);
+  look.on_frame(request, 1);
+  look.on_frame(canopen_frame(0x185, {0xFF, 0xFF}), 2);
+  look.on_frame(canopen_frame(0x185, {0xFF}), 3);
+  look.on_frame(wide(0x0DF20D21, {0, 0x55}), 4);
+  look.on_frame(wide(0x0DF20D21, {1, 0xAA}), 5);
+  look.on_frame(wide(0x0DF20D21, {0, 0x55}), 6);
+  look.on_frame(wide(0x18FED921, {0x40}), 7);
+  look.on_frame(wide(0x18FED921, {0x00}), 8);
+  CHECK_FALSE(says(look, "canopen: {"));
+  CHECK_FALSE(says(look, "instance"));
+  CHECK(says(look, "- {j1939: {pgn: 65241, source: 33, start_bit: 6}}"));
 }
 
 TEST_CASE("a flood of identifiers does not fill the memory, and is told") {

@@ -23,6 +23,9 @@ BO_ 304 Mux: 2 Tank
  SG_ WHICH M : 0|8@1+ (1,0) [0|255] "" Tank
  SG_ A m1 : 8|8@1+ (1,0) [0|255] "" Tank
  SG_ B m2 : 8|8@1+ (1,0) [0|255] "" Tank
+BO_ 305 Narrow: 2 Tank
+ SG_ WHICH M : 0|2@1+ (1,0) [0|3] "" Tank
+ SG_ FAR m9 : 8|8@1+ (1,0) [0|255] "" Tank
 VAL_ 256 HIGH 0 "dry" 1 "wet, very" ;
 )dbc");
   return dbc;
@@ -87,6 +90,8 @@ TEST_CASE("a frame is written by names, numbers, and names of values") {
   CHECK(encode_text(vendor(), "Mux", {"WHICH=1", "A=7"}) == "130#0107");
   CHECK(problem_of("Mux", {"A=1", "B=1"}).find("together") != std::string::npos);
   CHECK(problem_of("Mux", {"WHICH=1", "B=1"}).find("together") != std::string::npos);
+  CHECK(problem_of("Narrow", {"FAR=1"}).find("9 does not fit its 2 bits") != std::string::npos);
+  CHECK(problem_of("Level", {"HIGH=1", "HIGH=0"}).find("twice") != std::string::npos);
   CHECK(problem_of("Nobody", {}).find("Nobody") != std::string::npos);
   CHECK(problem_of("Level", {"LOW=1"}).find("LOW") != std::string::npos);
   CHECK(problem_of("Level", {"HIGH"}).find("NAME=VALUE") != std::string::npos);

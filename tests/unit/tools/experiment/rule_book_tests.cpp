@@ -83,7 +83,10 @@ TEST_CASE("what is wrong changes nothing and says why") {
   CHECK(c.error_of(R"({"do": "add", "rule": "{: : ["})") != "");
   CHECK(c.error_of(R"({"do": "remove", "name": "nobody"})").find("no rule is named 'nobody'") !=
         std::string::npos);
-  CHECK(c.error_of(R"({"do": "remove", "name": 7})") != "");
+  CHECK(c.error_of(R"({"do": "remove", "name": 7})").find("must be text") != std::string::npos);
+  CHECK(c.error_of(R"({"do": "add", "rule": )" + std::string(100000, '[') +
+                   std::string(100000, ']') + "}")
+            .find("so deeply") != std::string::npos);
   CHECK(c.error_of(R"({"do": "swap", "rules": {"name": "a"}})").find("list") != std::string::npos);
   CHECK(c.error_of(R"({"do": "watch", "timeout_s": 0.001})").find("timeout_s") !=
         std::string::npos);
@@ -109,7 +112,14 @@ TEST_CASE("when nobody controls them any more, all rules pause, until somebody r
   CHECK(c.book.pause_all());
   CHECK(c.core.rules()[0].is_paused);
   CHECK_FALSE(c.book.pause_all());
-  CHECK(c.ask(R"({"do": "resume"})").at("generation") == 2);
+  // Neither does a swap wake one that it keeps.
+  const std::string name = c.core.rules()[0].name;
+  REQUIRE(c.ask(R"({"do": "swap", "rules": "[{name: )" + name +
+                R"(, action: drop}, {name: b, action: drop}]"})")
+              .at("ok") == true);
+  CHECK(c.core.rules()[0].is_paused);
+  CHECK_FALSE(c.core.rules()[1].is_paused);
+  CHECK(c.ask(R"({"do": "resume"})").at("generation") == 3);
   CHECK_FALSE(c.core.rules()[0].is_paused);
 }
 

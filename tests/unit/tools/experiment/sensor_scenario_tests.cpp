@@ -42,6 +42,15 @@ std::vector<std::string> j1939_sensors() {
   return sensors;
 }
 
+// Any instance, and bits in place of items.
+std::vector<std::string> two_bit_sensors() {
+  std::vector<std::string> sensors;
+  for (int i = 0; i < kNumSensors; ++i)
+    sensors.push_back("{j1939: {pgn: 65241, source: 33, start_bit: " + std::to_string(2 * i) +
+                      "}}");
+  return sensors;
+}
+
 std::vector<std::string> dbc_sensors() {
   std::vector<std::string> sensors;
   for (int i = 1; i <= kNumSensors; ++i)
@@ -86,6 +95,7 @@ TEST_CASE(
   REQUIRE(plain.means.size() == 120);
   CHECK(are_same(play({network_of(canopen_sensors(), "{}")}), plain));
   CHECK(are_same(play({network_of(j1939_sensors(), "{}")}), plain));
+  CHECK(are_same(play({network_of(two_bit_sensors(), "{}")}), plain));
   CHECK(are_same(play({network_of(dbc_sensors(), "{}")}), plain));
   // Control: a sensor that is missing for a while makes another estimate.
   CHECK_FALSE(are_same(
@@ -129,6 +139,19 @@ TEST_CASE(
   CHECK_FALSE(are_same(masked, play({network})));
 }
 
+TEST_CASE("a state that rests on a forged frame is not authentic, however old the frame") {
+  std::string network = network_of(canopen_sensors(), "{repeat_steps: 1000}");
+  network.replace(network.find("binary_sensors.dbc"), 18, "canopen_inputs.dbc");
+  const Experiment experiment = load_experiment(
+      testing::scenario("binary_tracking"),
+      {kSteps, kEstimators, network,
+       "attacks=[{name: forge, match: {messages: [Inputs1]}, times: 1, action: substitute, signal: "
+       "INPUTS, value: {value: 255}}, {name: hold, match: {messages: [Inputs1]}, unless: forge, "
+       "action: drop}]"});
+  Simulation simulation(experiment, 0);
+  while (simulation.advance()) CHECK(simulation.num_authentic() == 8);  // those of node 2
+}
+
 TEST_CASE("sensors where messages stand, or of a plant with vector readings, are refused") {
   const auto problem = [](const std::string& name, const std::vector<std::string>& overrides) {
     return testing::problems_of(name, overrides);
@@ -137,8 +160,12 @@ TEST_CASE("sensors where messages stand, or of a plant with vector readings, are
             .find("give either") != std::string::npos);
   std::vector<std::string> few = canopen_sensors();
   few.pop_back();
-  CHECK(problem("binary_tracking", {network_of(few, "{}")}).find("15 messages for 16 sensors") !=
-        std::string::npos);
+  CHECK(problem("binary_tracking", {network_of(few, "{}")})
+            .find("15 sensors for the 16 of the plant") != std::string::npos);
+  std::vector<std::string> with_tick = dbc_sensors();
+  with_tick[3] = "{dbc: {message: StepTick, signal: STEP}}";
+  CHECK(problem("binary_tracking", {network_of(with_tick, "{}")})
+            .find("identifier of message 'StepTick'") != std::string::npos);
   CHECK(problem("turning_target",
                 {"network={sensor_bus: auto, monitor_bus: auto, dbc: turning_target.dbc, tick: "
                  "{message: StepTick, signal: STEP}, sensors: [{canopen: {node: 1, input: 1}}]}",

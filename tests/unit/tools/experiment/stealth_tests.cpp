@@ -90,6 +90,16 @@ TEST_CASE("stealth where there is nothing to run a filter on is refused") {
       "{value: 1}, stealth: {residual_most: 2}}]";
   CHECK(testing::problems_of("binary_tracking", {rule}).find("vector readings") !=
         std::string::npos);
+  const std::string counter =
+      "attacks=[{name: push, match: {messages: [Position]}, action: add, signal: STEP, value: "
+      "{value: 1}, stealth: {residual_most: 2}}]";
+  CHECK(testing::problems_of("turning_target", {counter}).find("none of network.signals") !=
+        std::string::npos);
+  const std::string other =
+      "attacks=[{name: push, match: {messages: [PositionScaled]}, action: add, signal: X, value: "
+      "{value: 1}, stealth: {residual_most: 2}}]";
+  CHECK(testing::problems_of("turning_target", {other}).find("none of network.messages") !=
+        std::string::npos);
   const std::string substitute =
       "attacks=[{name: push, match: {messages: [Position]}, action: substitute, signal: X, value: "
       "{value: 1}, stealth: {residual_most: 2}}]";
