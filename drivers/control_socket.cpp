@@ -1,5 +1,6 @@
 #include "drivers/control_socket.h"
 
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
@@ -31,6 +32,30 @@ bool somebody_listens(const sockaddr_un& address) {
 }
 
 }  // namespace
+
+ControlConnection::ControlConnection(const std::string& path) {
+  const sockaddr_un address = address_of(path);
+  socket_ = FileDescriptor(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  if (connect(socket_.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
+    throw JobError(path + ": nobody listens there: " + std::strerror(errno));
+}
+
+std::string ControlConnection::ask(const std::string& line) {
+  const std::string text = line + '\n';
+  if (send(socket_.get(), text.data(), text.size(), MSG_NOSIGNAL) !=
+      static_cast<ssize_t>(text.size()))
+    throw JobError("the other side went away");
+  std::string answer;
+  for (char c = 0; recv(socket_.get(), &c, 1, 0) == 1; answer += c) {
+    if (c == '\n') return answer;
+  }
+  throw JobError("the other side went away, or watches no more because this one was silent");
+}
+
+void ControlConnection::wait(double seconds) const {
+  pollfd ended{socket_.get(), POLLIN, 0};
+  poll(&ended, 1, static_cast<int>(1000.0 * seconds));
+}
 
 ControlSocket::ControlSocket(EventLoop& loop, const std::string& path, Answer answer,
                              std::function<void(const std::string&)> on_lost)

@@ -9,6 +9,21 @@
 
 namespace holdfast {
 
+/// A client of a ControlSocket.
+class ControlConnection {
+ public:
+  /// Throws UsageError for a path that is too long, JobError when nobody listens there.
+  explicit ControlConnection(const std::string& path);
+  /// Sends a line and returns the answer, without its end. Throws JobError when the other side
+  /// goes.
+  std::string ask(const std::string& line);
+  /// Waits for so long, or until the other side says something unasked or goes.
+  void wait(double seconds) const;
+
+ private:
+  FileDescriptor socket_;
+};
+
 /// A local socket on which a program takes orders: a line in, a line out, for any number of
 /// clients. A client that asks to be watched must not go, nor be silent for too long: on_lost is
 /// called then.

@@ -100,7 +100,7 @@ struct Spot {
   std::array<std::uint8_t, CanFrame::kBytesMax> bits{};
 };
 
-constexpr std::uint32_t kFirstPdo = 0x180, kWide = 1U << 29, kGroup = 1U << 30;
+constexpr std::uint32_t kInputsPdo = 0x180, kWide = 1U << 29, kGroup = 1U << 30;
 
 // Of an identifier as it stands in a DBC: one of 29 bits is a parameter group, too.
 std::uint32_t key_of(std::uint32_t identifier, bool is_extended) {
@@ -113,7 +113,7 @@ Spot spot_of(const BinarySensor& sensor, const Dbc& dbc) {
   DbcSignal signal;
   switch (sensor.protocol) {
     case BinarySensor::Protocol::kCanopen:
-      spot.key = kFirstPdo + static_cast<std::uint32_t>(sensor.node);
+      spot.key = kInputsPdo + static_cast<std::uint32_t>(sensor.node);
       signal.start_bit = sensor.input - 1;
       break;
     case BinarySensor::Protocol::kJ1939:
