@@ -28,7 +28,7 @@ struct Controlled {
   }
 };
 
-const std::string kDrop =
+const std::string kDropRule =
     R"({"name": "lost", "match": {"messages": ["Sensor01"]}, "action": "drop", "probability": 0.5})";
 
 }  // namespace
@@ -39,7 +39,7 @@ TEST_CASE("rules are listed, added, changed, paused and removed, each time a gen
   CHECK(first.at("generation") == 0);
   CHECK(first.at("rules").size() == 1);
   const std::string scenario_rule = first["rules"][0]["name"];
-  CHECK(c.ask(R"({"do": "add", "rule": )" + kDrop + "}").at("generation") == 1);
+  CHECK(c.ask(R"({"do": "add", "rule": )" + kDropRule + "}").at("generation") == 1);
   REQUIRE(c.core.rules().size() == 2);
   CHECK(c.core.rules()[1].probability == 0.5);
   // As YAML text, too.

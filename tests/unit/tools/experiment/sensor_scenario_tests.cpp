@@ -10,8 +10,8 @@ namespace holdfast {
 namespace {
 
 constexpr int kNumSensors = 16;
-const std::string kSteps = "steps=60";
-const std::string kEstimators =
+const std::string kSensorSteps = "steps=60";
+const std::string kSensorEstimators =
     "estimators=[{name: secure, method: secure_particle_filter, particles: 200, assumes: {dos: "
     "same, deception: same, flip: 0}}, {name: clean, method: secure_particle_filter, particles: "
     "100, input: clean, assumes: {dos: 0, deception: 0, flip: 0}}]";
@@ -59,20 +59,21 @@ std::vector<std::string> dbc_sensors() {
   return sensors;
 }
 
-struct Played {
+struct SensorRun {
   std::vector<Eigen::VectorXd> means;  // of both estimators, step by step
   std::vector<std::size_t> num_packets;
   std::map<InvalidReason, int> invalid;
 };
 
-Played play(const std::vector<std::string>& overrides, const std::string& attacks = "attacks=[]") {
-  std::vector<std::string> all = {kSteps, kEstimators, attacks};
+SensorRun run_sensors(const std::vector<std::string>& overrides,
+                      const std::string& attacks = "attacks=[]") {
+  std::vector<std::string> all = {kSensorSteps, kSensorEstimators, attacks};
   all.insert(all.end(), overrides.begin(), overrides.end());
   const Experiment experiment = load_experiment(testing::scenario("binary_tracking"), all);
   // What a log holds reads back as it was.
   experiment_from_text(experiment.resolved, "resolved");
   Simulation simulation(experiment, 0);
-  Played played;
+  SensorRun played;
   while (simulation.advance()) {
     for (const Estimate* estimate : simulation.estimates()) played.means.push_back(estimate->mean);
     played.num_packets.push_back(simulation.measurements().packets.size());
@@ -82,7 +83,7 @@ Played play(const std::vector<std::string>& overrides, const std::string& attack
   return played;
 }
 
-bool are_same(const Played& a, const Played& b) {
+bool are_equal_runs(const SensorRun& a, const SensorRun& b) {
   return a.num_packets == b.num_packets && a.means.size() == b.means.size() &&
          std::equal(a.means.begin(), a.means.end(), b.means.begin());
 }
@@ -91,15 +92,15 @@ bool are_same(const Played& a, const Played& b) {
 
 TEST_CASE(
     "CANopen, NMEA 2000 and a DBC's signals give the estimate of a message for each reading") {
-  const Played plain = play({});
+  const SensorRun plain = run_sensors({});
   REQUIRE(plain.means.size() == 120);
-  CHECK(are_same(play({network_of(canopen_sensors(), "{}")}), plain));
-  CHECK(are_same(play({network_of(j1939_sensors(), "{}")}), plain));
-  CHECK(are_same(play({network_of(two_bit_sensors(), "{}")}), plain));
-  CHECK(are_same(play({network_of(dbc_sensors(), "{}")}), plain));
+  CHECK(are_equal_runs(run_sensors({network_of(canopen_sensors(), "{}")}), plain));
+  CHECK(are_equal_runs(run_sensors({network_of(j1939_sensors(), "{}")}), plain));
+  CHECK(are_equal_runs(run_sensors({network_of(two_bit_sensors(), "{}")}), plain));
+  CHECK(are_equal_runs(run_sensors({network_of(dbc_sensors(), "{}")}), plain));
   // Control: a sensor that is missing for a while makes another estimate.
-  CHECK_FALSE(are_same(
-      play(
+  CHECK_FALSE(are_equal_runs(
+      run_sensors(
           {network_of(j1939_sensors(), "{outages: [{sensor: s0, first_step: 9, last_step: 19}]}")}),
       plain));
 }
@@ -108,8 +109,8 @@ TEST_CASE("a node that is pulled out is, for an estimator, messages that do not 
   const std::string loss =
       "attacks=[{name: lost, match: {messages: [Sensor09, Sensor10, Sensor11, Sensor12, Sensor13, "
       "Sensor14, Sensor15, Sensor16]}, window: {first_step: 20, last_step: 30}, action: drop}]";
-  const Played dropped = play({}, loss);
-  const Played pulled = play(
+  const SensorRun dropped = run_sensors({}, loss);
+  const SensorRun pulled = run_sensors(
       {network_of(canopen_sensors(),
                   "{timeout_steps: 1, outages: [{sensor: s8, first_step: 20, last_step: 30}]}")});
   // The clean route has no attack, but its sensors are pulled out as well.
@@ -117,7 +118,7 @@ TEST_CASE("a node that is pulled out is, for an estimator, messages that do not 
   for (std::size_t i = 0; i < pulled.means.size(); i += 2)
     CHECK(pulled.means[i] == dropped.means[i]);
   CHECK(pulled.invalid == std::map<InvalidReason, int>{{InvalidReason::kSilent, 88}});
-  CHECK_FALSE(are_same(pulled, play({})));
+  CHECK_FALSE(are_equal_runs(pulled, run_sensors({})));
 }
 
 TEST_CASE(
@@ -127,16 +128,16 @@ TEST_CASE(
   const std::string silence =
       "{name: silence, match: {messages: [Inputs1, Life1]}, window: {first_step: 10, last_step: "
       "19}, action: drop}";
-  const Played silent = play({network}, "attacks=[" + silence + "]");
+  const SensorRun silent = run_sensors({network}, "attacks=[" + silence + "]");
   CHECK(silent.invalid.at(InvalidReason::kSilent) == 80);
-  const Played masked =
-      play({network}, "attacks=[" + silence +
-                          ", {name: alive, match: {messages: [Life1]}, window: {first_step: 10, "
-                          "last_step: 19}, action: inject, signal: STATE, value: {value: 5}}]");
+  const SensorRun masked = run_sensors(
+      {network}, "attacks=[" + silence +
+                     ", {name: alive, match: {messages: [Life1]}, window: {first_step: 10, "
+                     "last_step: 19}, action: inject, signal: STATE, value: {value: 5}}]");
   // The estimator is given what the node said last, and nobody knows.
   CHECK(masked.invalid.empty());
   CHECK(masked.num_packets == std::vector<std::size_t>(60, 16));
-  CHECK_FALSE(are_same(masked, play({network})));
+  CHECK_FALSE(are_equal_runs(masked, run_sensors({network})));
 }
 
 TEST_CASE("a state that rests on a forged frame is not authentic, however old the frame") {
@@ -144,7 +145,7 @@ TEST_CASE("a state that rests on a forged frame is not authentic, however old th
   network.replace(network.find("binary_sensors.dbc"), 18, "canopen_inputs.dbc");
   const Experiment experiment = load_experiment(
       testing::scenario("binary_tracking"),
-      {kSteps, kEstimators, network,
+      {kSensorSteps, kSensorEstimators, network,
        "attacks=[{name: forge, match: {messages: [Inputs1]}, times: 1, action: substitute, signal: "
        "INPUTS, value: {value: 255}}, {name: hold, match: {messages: [Inputs1]}, unless: forge, "
        "action: drop}]"});

@@ -9,9 +9,9 @@
 namespace holdfast {
 namespace {
 
-constexpr double kMost = 2.0;
+constexpr double kResidualMost = 2.0;
 
-struct Played {
+struct StealthRun {
   double largest_residual = 0.0;  // normalised, of the steps that were touched
   double last_error_m = 0.0;
   double largest_added_m = 0.0;
@@ -19,7 +19,7 @@ struct Played {
 };
 
 // The filter of the monitor that the attacker has in mind says what the residuals are.
-Played play(const std::string& value, const std::string& stealth, std::uint32_t run) {
+StealthRun run_stealth(const std::string& value, const std::string& stealth, std::uint32_t run) {
   const Experiment experiment = load_experiment(
       testing::scenario("turning_target"),
       {"steps=200", "plant.start_std=[1, 1, 0.5, 0.5]",
@@ -30,7 +30,7 @@ Played play(const std::string& value, const std::string& stealth, std::uint32_t 
        "estimators=[{name: kalman, method: kalman_filter, start: {step: 0, mean: [200, 200, 15, "
        "15], std: [1, 1, 0.5, 0.5]}}]"});
   Simulation simulation(experiment, run);
-  Played played;
+  StealthRun played;
   while (simulation.advance()) {
     const Estimate& estimate = *simulation.estimates()[0];
     played.last_error_m = (estimate.mean.head(2) -
@@ -46,7 +46,7 @@ Played play(const std::string& value, const std::string& stealth, std::uint32_t 
     const double residual = std::sqrt(
         estimate.innovation.dot(estimate.innovation_covariance.ldlt().solve(estimate.innovation)));
     played.largest_residual = std::max(played.largest_residual, residual);
-    if (residual > kMost) ++played.num_exceeding;
+    if (residual > kResidualMost) ++played.num_exceeding;
   }
   return played;
 }
@@ -57,30 +57,30 @@ const std::string kStealth = ", stealth: {residual_most: 2}";
 
 TEST_CASE("no residual that an attack touched exceeds what it allows itself, and it uses it all") {
   for (std::uint32_t run = 0; run < 5; ++run) {
-    const Played bounded = play("{value: [30, -10]}", kStealth, run);
+    const StealthRun bounded = run_stealth("{value: [30, -10]}", kStealth, run);
     // float32 signals of some 500 m are rounded to 3e-5 m.
-    CHECK(bounded.largest_residual <= kMost * (1.0 + 1e-4));
-    CHECK(bounded.largest_residual > 0.99 * kMost);
+    CHECK(bounded.largest_residual <= kResidualMost * (1.0 + 1e-4));
+    CHECK(bounded.largest_residual > 0.99 * kResidualMost);
     CHECK(bounded.num_touched > 100);
     // It leads the filter away, far beyond what noise does.
-    CHECK(bounded.last_error_m > 3.0 * play("{value: [0, 0]}", "", run).last_error_m);
+    CHECK(bounded.last_error_m > 3.0 * run_stealth("{value: [0, 0]}", "", run).last_error_m);
     // Without the bound the filter notices.
-    const Played open = play("{value: [30, -10]}", "", run);
+    const StealthRun open = run_stealth("{value: [30, -10]}", "", run);
     CHECK(open.num_exceeding > 5);
-    CHECK(open.largest_residual > 2.0 * kMost);
+    CHECK(open.largest_residual > 2.0 * kResidualMost);
   }
 }
 
 TEST_CASE("what the filter would not notice anyway is added as it stands") {
-  const Played free = play("{value: 0.001}", ", stealth: {residual_most: 1000}", 0);
-  const Played plain = play("{value: 0.001}", "", 0);
+  const StealthRun free = run_stealth("{value: 0.001}", ", stealth: {residual_most: 1000}", 0);
+  const StealthRun plain = run_stealth("{value: 0.001}", "", 0);
   CHECK(free.num_touched == 181);
   CHECK(free.largest_added_m == plain.largest_added_m);
   CHECK(free.last_error_m == plain.last_error_m);
 }
 
 TEST_CASE("where the reading alone exceeds the bound, nothing is added") {
-  const Played none = play("{value: 30}", ", stealth: {residual_most: 0}", 0);
+  const StealthRun none = run_stealth("{value: 30}", ", stealth: {residual_most: 0}", 0);
   CHECK(none.num_touched == 0);
 }
 
