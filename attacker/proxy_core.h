@@ -62,7 +62,7 @@ class ProxyCore {
     is_open_.assign(rules().size(), 0);
     is_bad_.assign(rules().size(), 0);
     begun_.assign(rules().size(), 0);
-    for (std::int64_t before = 1; before < step; ++before) effects_.end_step();
+    effects_.begin_at(step);
     open_rules();
   }
 

@@ -23,6 +23,7 @@ struct MonitorModel {
       largest_share;
   std::function<void(const CanFrame& sent)> take;
   std::function<void()> end_step;
+  std::function<void(std::int64_t step)> begin_at;  // in place of step 1
 };
 
 /// What rules do to frames, and what they remember for it. Pure but for the monitor's model.
@@ -59,6 +60,10 @@ class RuleEffects {
   }
   void end_step() {
     if (monitor_.end_step) monitor_.end_step();
+  }
+  /// The first step is this one, not 1.
+  void begin_at(std::int64_t step) {
+    if (monitor_.begin_at) monitor_.begin_at(step);
   }
 
   /// Does to the frame what the rule's action says. False, and the frame as it was, when it cannot:

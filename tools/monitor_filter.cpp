@@ -12,6 +12,7 @@ namespace {
 
 // A start that is known exactly would leave a covariance that no factor has.
 constexpr double kStartStdMin = 1e-9;
+constexpr std::int64_t kPredictionsMax = 10000;
 
 class MonitorFilter {
  public:
@@ -64,6 +65,14 @@ class MonitorFilter {
     if (!is_finite || !core_.use_rows(source->rows)) return;
     core_.innovate(values_);
     core_.correct(belief_);
+  }
+
+  // What lies further back than so many predictions has left nothing in a plant that can be
+  // followed, and in another one nothing that helps.
+  void begin_at(std::int64_t step) {
+    step_ = std::max<std::int64_t>(1, step - kPredictionsMax);
+    take_input();
+    while (step_ < step) end_step();
   }
 
   void end_step() {
@@ -122,7 +131,8 @@ MonitorModel make_monitor_model(const SystemSetup& plant, const FrameLayout& lay
   return {[filter](const CanFrame& frame, const CanFrame& changed, double residual_most) {
             return filter->largest_share(frame, changed, residual_most);
           },
-          [filter](const CanFrame& sent) { filter->take(sent); }, [filter] { filter->end_step(); }};
+          [filter](const CanFrame& sent) { filter->take(sent); }, [filter] { filter->end_step(); },
+          [filter](std::int64_t step) { filter->begin_at(step); }};
 }
 
 }  // namespace holdfast

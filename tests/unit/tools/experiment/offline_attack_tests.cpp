@@ -194,4 +194,18 @@ TEST_CASE("without rules a recording comes out as it went in; what is no frame i
   CHECK(text.find("no tick of the scenario") != std::string::npos);
 }
 
+TEST_CASE("a recording that begins very late in a run takes no longer for that") {
+  ProxyCore plain = load_experiment(testing::scenario("ieee14"), {}).make_proxy(0);
+  plain.begin_at(4'000'000'000);
+  CHECK(plain.current_step() == 4'000'000'000);
+  const Experiment stealthy = load_experiment(
+      testing::scenario("turning_target"), {"attacks=[{name: push, match: {messages: [Position]}, "
+                                            "action: add, signal: X, value: {value: "
+                                            "1}, stealth: {residual_most: 2}}]",
+                                            "estimators=[]"});
+  ProxyCore proxy = stealthy.make_proxy(0);
+  proxy.begin_at(4'000'000'000);
+  CHECK(proxy.current_step() == 4'000'000'000);
+}
+
 }  // namespace holdfast
