@@ -4,8 +4,8 @@
 
 namespace holdfast {
 
-const char* AttackRecord::name_of(Disposition disposition) {
-  constexpr std::array<const char*, kNumDispositions> kNames = {
+const char* to_string(AttackRecord::Disposition disposition) {
+  constexpr std::array<const char*, AttackRecord::kNumDispositions> kNames = {
       "altered", "dropped", "injected", "duplicated", "held", "released"};
   const auto index = static_cast<std::size_t>(disposition);
   return index < kNames.size() ? kNames[index] : "unknown";

@@ -37,15 +37,15 @@ struct AttackRecord {
   bool is_saturated = false;     // a value did not fit its signal
   CanFrame original, forwarded;  // as read, as sent; empty where there is none
 
-  /// "altered", "dropped", "injected", "duplicated", "held", "released"; "unknown" for no
-  /// disposition.
-  static const char* name_of(Disposition disposition);
-
   void note(AttackRule::Action action) { actions |= 1U << static_cast<unsigned>(action); }
   bool acted(AttackRule::Action action) const {
     return (actions >> static_cast<unsigned>(action) & 1U) != 0;
   }
 };
+
+/// "altered", "dropped", "injected", "duplicated", "held", "released"; "unknown" for no
+/// disposition.
+const char* to_string(AttackRecord::Disposition disposition);
 
 /// Copies that a rule wants of a frame.
 struct FrameCopies {

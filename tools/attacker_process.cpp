@@ -41,7 +41,7 @@ int AttackerProcess::end_status(CanBus& from, CanBus& to) const {
   const BusCounters &at_sensors = from.counters(), &at_monitor = to.counters();
   const std::int64_t lost = at_sensors.kernel_dropped + at_sensors.write_dropped +
                             at_monitor.write_dropped +
-                            (has_commands() ? at_monitor.kernel_dropped : 0);
+                            (has_way_back() ? at_monitor.kernel_dropped : 0);
   const bool balances = core_.counters().balance() && core_.command_counters().balance();
   if (lost > 0) std::cerr << "holdfast-attacker: " << lost << " frames were lost" << std::endl;
   if (!balances) std::cerr << "holdfast-attacker: frames are not accounted for" << std::endl;
@@ -81,7 +81,7 @@ void AttackerProcess::on_monitor_readable(CanBus& from, CanBus& to) {
   for (std::size_t count = batch_.size(); count == batch_.size();) {
     count = to.read(batch_);
     out_.clear();
-    if (!has_commands()) continue;
+    if (!has_way_back()) continue;
     for (std::size_t i = 0; i < count; ++i) {
       if (is_dry_ && core_.goes_back(batch_[i])) read_commands_.push_back(batch_[i]);
       core_.on_monitor_frame(batch_[i], out_);
@@ -153,8 +153,8 @@ void AttackerProcess::publish_status(CanBus& from, CanBus& to) {
       {"commands_held", commands.held},
       {"commands_released", commands.released},
       {"commands_after_end", commands_after_end_},
-      {"bus_kernel_dropped", rx.kernel_dropped + (has_commands() ? tx.kernel_dropped : 0)},
-      {"bus_refused", rx.refused + (has_commands() ? tx.refused : 0)},
+      {"bus_kernel_dropped", rx.kernel_dropped + (has_way_back() ? tx.kernel_dropped : 0)},
+      {"bus_refused", rx.refused + (has_way_back() ? tx.refused : 0)},
       {"bus_write_dropped", rx.write_dropped + tx.write_dropped},
       {"bus_error_frames", rx.error_frames + tx.error_frames},
       {"bus_times_down", rx.times_down + tx.times_down}};

@@ -32,8 +32,9 @@ class AttackerProcess {
   int end_status(CanBus& from, CanBus& to) const;
   bool is_finished() const { return core_.current_step() > experiment_.num_steps; }
 
-  /// True when commands come back from the monitor-side bus: both buses are read and written.
-  bool has_commands() const { return experiment_.layout.has_way_back(); }
+  /// True when frames go back from the monitor-side bus, commands or what sensors are told: both
+  /// buses are read and written.
+  bool has_way_back() const { return experiment_.layout.has_way_back(); }
 
   /// Forwards all that has arrived from the sensor-side bus.
   void on_readable(CanBus& from, CanBus& to);

@@ -37,10 +37,10 @@ int attack_live(const Experiment& experiment, const LiveAttack& options) {
   bus_options.owned_urls = options.owned_buses;
   bus_options.wants_receive_times = !options.no_record;
   bus_options.on_event = [&attacker](const std::string& event) { attacker.remark(event); };
-  bus_options.may_write = attacker.has_commands();
+  bus_options.may_write = attacker.has_way_back();
   const std::unique_ptr<CanBus> from = open_can_bus(options.from, bus_options);
   bus_options.may_write = true;
-  bus_options.wants_frames = attacker.has_commands();
+  bus_options.wants_frames = attacker.has_way_back();
   const std::unique_ptr<CanBus> to = open_can_bus(options.to, bus_options);
 
   EventLoop loop;

@@ -40,7 +40,7 @@ Json record_json(const AttackRecord& record, const std::vector<AttackRule>& rule
   const bool is_command = record.direction == AttackRecord::Direction::kToPlant;
   return {{"step", record.step},
           {"direction", is_command ? "to_plant" : "to_monitor"},
-          {"disposition", AttackRecord::name_of(record.disposition)},
+          {"disposition", to_string(record.disposition)},
           {"rule", rule.name},
           {"action", to_string(rule.action)},
           {"actions", actions_json(record)},

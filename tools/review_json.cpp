@@ -107,7 +107,7 @@ Json frames_json(const RunReview& review) {
   for (const RuleReview& rule : review.rules) {
     Json entry = {{"rule", rule.rule}, {"action", rule.action}};
     for (std::size_t i = 0; i < rule.frames.size(); ++i)
-      entry[AttackRecord::name_of(static_cast<AttackRecord::Disposition>(i))] = rule.frames[i];
+      entry[to_string(static_cast<AttackRecord::Disposition>(i))] = rule.frames[i];
     json["rules"].push_back(std::move(entry));
   }
   return json;

@@ -127,7 +127,7 @@ std::vector<Figure> frame_figures(const FigureContext& context) {
   marks.spans.clear();
   for (std::size_t i = 0; i < AttackRecord::kNumDispositions; ++i) {
     const auto disposition = static_cast<AttackRecord::Disposition>(i);
-    add_marks(context, static_cast<std::int32_t>(i), AttackRecord::name_of(disposition), marks);
+    add_marks(context, static_cast<std::int32_t>(i), to_string(disposition), marks);
   }
   add_foreign_marks(context, marks);
   marks.note = "Foreign: on the monitor-side bus, but never sent by the attacker's proxy.";

@@ -200,7 +200,7 @@ ReportTable rule_table(const RunReview& review) {
     const bool is_there = std::ranges::any_of(
         review.rules, [i](const RuleReview& rule) { return rule.frames[i] != 0; });
     if (is_of_delays && !is_there) continue;
-    table.header.emplace_back(AttackRecord::name_of(disposition));
+    table.header.emplace_back(to_string(disposition));
     for (std::size_t r = 0; r < review.rules.size(); ++r)
       table.rows[r].push_back(std::to_string(review.rules[r].frames[i]));
   }

@@ -77,7 +77,7 @@ struct RunCounters {
     for (std::size_t i = 0; i < by_disposition.size(); ++i) {
       if (by_disposition[i] == 0) continue;
       const auto disposition = static_cast<AttackRecord::Disposition>(i);
-      counters[std::string("frames_") + AttackRecord::name_of(disposition)] = by_disposition[i];
+      counters[std::string("frames_") + to_string(disposition)] = by_disposition[i];
     }
     constexpr std::array<const char*, 3> kOutcomes = {"commands_obeyed", "commands_late",
                                                       "commands_refused"};
