@@ -1,10 +1,10 @@
 #include "tools/bus_look.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <span>
 
 #include "attacker/attack_match.h"
+#include "drivers/can/hex_bytes.h"
 #include "drivers/sensors/binary_sensors.h"
 #include "tools/printable_text.h"
 #include "tools/text_table.h"
@@ -22,10 +22,9 @@ bool is_switch_bank(const CanFrame& frame) {
 
 std::string hex_of(std::span<const std::uint8_t> bytes) {
   std::string text;
-  char pair[4];
   for (std::size_t i = 0; i < bytes.size() && i < kBytesShown; ++i) {
-    std::snprintf(pair, sizeof pair, i == 0 ? "%02X" : " %02X", bytes[i]);
-    text += pair;
+    if (i > 0) text += ' ';
+    append_hex(bytes[i], 2, text);
   }
   return text + (bytes.size() > kBytesShown ? " .." : "");
 }
@@ -134,14 +133,11 @@ std::string BusLook::text() const {
       {"identifier", "frames", "per s", "bytes", "latest", "changing bits", "what it may be"});
   std::string sensors;
   for (const auto& [key, seen] : seen_) {
-    char identifier[16];
-    std::snprintf(identifier, sizeof identifier,
-                  seen.latest.has(CanFrame::kExtended) ? "%08X" : "%03X", seen.latest.identifier);
     const double seconds = static_cast<double>(seen.last_ns - seen.first_ns) * 1e-9;
     const std::string rate =
         seconds > 0.0 ? number_text(static_cast<double>(seen.count - 1) / seconds, 3) : "-";
     const std::size_t size = seen.latest.num_bytes;
-    table.add({identifier, std::to_string(seen.count), rate, std::to_string(size),
+    table.add({identifier_text(seen.latest), std::to_string(seen.count), rate, std::to_string(size),
                hex_of(seen.latest.bytes()), hex_of({seen.changed.data(), size}), meaning_of(seen)});
     sensors += sensors_of(seen);
   }

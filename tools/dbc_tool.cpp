@@ -3,14 +3,15 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdio>
-#include <fstream>
-#include <iterator>
+#include <istream>
 #include <optional>
+#include <ostream>
 #include <set>
-#include <sstream>
 
 #include "common/errors.h"
 #include "drivers/can/candump_log.h"
+#include "drivers/can/hex_bytes.h"
+#include "tools/log_csv.h"
 #include "tools/printable_text.h"
 #include "tools/text_table.h"
 
@@ -21,12 +22,6 @@ std::string number_of(double value) {
   char text[40];
   const auto [end, error] = std::to_chars(text, text + sizeof text, value);
   return {text, end};
-}
-
-std::string identifier_text(std::uint32_t identifier, bool is_extended) {
-  char text[16];
-  std::snprintf(text, sizeof text, is_extended ? "%08X" : "%03X", identifier);
-  return text;
 }
 
 const char* kind_text(const DbcSignal& signal) {
@@ -75,14 +70,6 @@ std::string names_text(const DbcSignal& signal) {
   return text;
 }
 
-// A field of CSV, in quotes where it needs them.
-std::string csv_text(const std::string& text) {
-  if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return quoted + '"';
-}
-
 const std::string* name_of_value(const DbcSignal& signal, std::span<const std::uint8_t> data) {
   const auto found = signal.value_names.find(static_cast<std::int64_t>(signal.raw(data)));
   return found == signal.value_names.end() ? nullptr : &found->second;
@@ -95,8 +82,7 @@ void write_frame(const CandumpRecord& record, const DbcMessage& message, std::os
   for (const DbcSignal& signal : message.signals) {
     if (!message.carries(signal, frame.bytes())) continue;
     const std::string* name = name_of_value(signal, frame.bytes());
-    csv << time << ',' << csv_text(record.interface_name) << ','
-        << identifier_text(frame.identifier, frame.has(CanFrame::kExtended)) << ','
+    csv << time << ',' << csv_text(record.interface_name) << ',' << identifier_text(frame) << ','
         << csv_text(message.name) << ',' << csv_text(signal.name) << ','
         << number_of(signal.unpack(frame.bytes())) << ',' << csv_text(signal.unit) << ','
         << (name == nullptr ? "" : csv_text(*name)) << '\n';
@@ -135,11 +121,9 @@ std::optional<std::int64_t> selector_for(const std::vector<const DbcSignal*>& si
 }  // namespace
 
 Dbc load_dbc(const std::string& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  if (!stream || !(text << stream.rdbuf()))
-    throw UsageError(file + ": cannot be read, or is empty");
-  return parse_dbc(text.str());
+  const std::optional<std::string> text = read_dbc_file(file);
+  if (!text) throw UsageError(file + ": cannot be read, or is empty");
+  return parse_dbc(*text);
 }
 
 std::string problems_text(const Dbc& dbc, const std::string& file) {
@@ -153,12 +137,12 @@ std::string problems_text(const Dbc& dbc, const std::string& file) {
 std::string list_text(const Dbc& dbc) {
   std::string text;
   for (const DbcMessage& message : dbc.messages) {
-    text += identifier_text(message.identifier, message.is_extended) + "  " + message.name + "  " +
+    text += identifier_text(message.empty_frame()) + "  " + printable(message.name, 100) + "  " +
             std::to_string(message.num_bytes) + " bytes" + (message.is_fd ? " FD" : "") +
-            (message.sender.empty() ? "" : "  from " + message.sender) + "\n";
+            (message.sender.empty() ? "" : "  from " + printable(message.sender, 60)) + "\n";
     TextTable table(7);
     for (const DbcSignal& signal : message.signals) {
-      table.add({"  " + signal.name,
+      table.add({"  " + printable(signal.name, 100),
                  std::to_string(signal.start_bit) + "|" + std::to_string(signal.num_bits) +
                      (signal.is_little_endian ? " Intel" : " Motorola"),
                  kind_text(signal), scale_text(signal), range_text(signal),

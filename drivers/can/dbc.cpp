@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <charconv>
+#include <fstream>
+#include <sstream>
 
 #include "common/errors.h"
 #include "drivers/can/dbc_reader.h"
@@ -24,6 +26,14 @@ constexpr std::string_view kSkippedStatements[] = {
     "BU_BO_REL_"};
 
 }  // namespace
+
+std::optional<std::string> read_dbc_file(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream content;
+  // A folder opens like a file and only fails when it is read.
+  if (!stream || !(content << stream.rdbuf())) return std::nullopt;
+  return content.str();
+}
 
 Dbc DbcReader::read() {
   while (true) {

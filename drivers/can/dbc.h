@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -83,6 +84,9 @@ struct Dbc {
 /// The same, but throw UsageError, which names what is missing.
 const DbcMessage& require_message(const Dbc& dbc, const std::string& name);
 const DbcSignal& require_signal(const DbcMessage& message, const std::string& name);
+
+/// The bytes of a DBC file; none when it cannot be read, or is empty.
+std::optional<std::string> read_dbc_file(const std::string& file);
 
 /// Reads DBC text; never throws for its content: what is not understood is listed in problems, in
 /// order of lines (from 1) and columns (bytes, from 1; a byte order mark does not count).

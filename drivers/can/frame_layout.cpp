@@ -1,9 +1,8 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
-#include <fstream>
+#include <optional>
 #include <set>
-#include <sstream>
 
 #include "common/errors.h"
 #include "drivers/can/frame_codec.h"
@@ -36,14 +35,12 @@ std::string read_dbc_text(ConfigurationMap& map, const std::string& folder, std:
   if (!has_file) return map.has("dbc_text") ? "dbc_text" : "";
   if (file.empty()) return "";
   const std::filesystem::path path = std::filesystem::path(folder) / file;
-  std::ifstream stream(path, std::ios::binary);
-  std::ostringstream content;
-  // A folder opens like a file and only fails when it is read.
-  if (!stream || !(content << stream.rdbuf())) {
+  const std::optional<std::string> content = read_dbc_file(path.string());
+  if (!content) {
     map.problem("dbc", path.string() + " cannot be read, or is empty");
     return "";
   }
-  text = utf8_text(content.str());
+  text = utf8_text(*content);
   map.resolve("dbc_text", YAML::Node(text));
   return path.string();
 }

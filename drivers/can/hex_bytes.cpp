@@ -29,4 +29,10 @@ void append_hex(std::uint32_t value, int num_digits, std::string& text) {
   }
 }
 
+std::string identifier_text(const CanFrame& frame) {
+  std::string text;
+  append_hex(frame.identifier, frame.has(CanFrame::kExtended) ? 8 : 3, text);
+  return text;
+}
+
 }  // namespace holdfast
