@@ -13,7 +13,7 @@ constexpr std::uint8_t kToggle = 0x80;
 
 }  // namespace
 
-CanFrame canopen_frame(std::uint32_t identifier, const std::vector<std::uint8_t>& bytes) {
+CanFrame canopen_frame(std::uint32_t identifier, std::initializer_list<std::uint8_t> bytes) {
   CanFrame frame;
   frame.identifier = identifier;
   frame.num_bytes = static_cast<std::uint8_t>(bytes.size());
@@ -83,7 +83,7 @@ CanFrame CanopenRemote::guard_request() const {
 
 CanopenDevice::CanopenDevice(int node, int num_inputs, const BinarySensors& options)
     : node_(static_cast<std::uint32_t>(node)),
-      num_bytes_((static_cast<std::size_t>(num_inputs) + 7) / 8),
+      num_bytes_(static_cast<std::uint8_t>((num_inputs + 7) / 8)),
       heartbeat_steps_(options.heartbeat_steps),
       repeat_steps_(options.repeat_steps),
       starts_itself_(options.nodes_start_themselves) {}
@@ -120,10 +120,10 @@ void CanopenDevice::step(std::uint64_t inputs, bool is_silent, std::vector<CanFr
   }
   if (state_ != CanopenState::kOperational) return;
   if (!must_tell_ && inputs == inputs_ && ++since_told_ < repeat_steps_) return;
-  std::vector<std::uint8_t> bytes;
+  CanFrame& told = frames.emplace_back(canopen_frame(kFirstPdo + node_, {}));
+  told.num_bytes = num_bytes_;
   for (std::size_t i = 0; i < num_bytes_; ++i)
-    bytes.push_back(static_cast<std::uint8_t>(inputs >> (8 * i)));
-  frames.push_back(canopen_frame(kFirstPdo + node_, bytes));
+    told.data[i] = static_cast<std::uint8_t>(inputs >> (8 * i));
   inputs_ = inputs;
   must_tell_ = false;
   since_told_ = 0;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <initializer_list>
 #include <vector>
 
 #include "common/measurement_set.h"
@@ -17,7 +18,8 @@ enum class CanopenState : std::uint8_t {
   kPreOperational = 0x7F
 };
 
-CanFrame canopen_frame(std::uint32_t identifier, const std::vector<std::uint8_t>& bytes);
+/// A classic data frame with these bytes, at most 8.
+CanFrame canopen_frame(std::uint32_t identifier, std::initializer_list<std::uint8_t> bytes);
 
 /// What is known of a node with digital inputs (CiA 401), from its heartbeats, its first TPDO, its
 /// emergencies and its answers to node guarding. Pure.
@@ -79,7 +81,7 @@ class CanopenDevice {
   void boot(std::vector<CanFrame>& frames);
 
   std::uint32_t node_;
-  std::size_t num_bytes_;
+  std::uint8_t num_bytes_;
   std::int64_t heartbeat_steps_, repeat_steps_;
   bool starts_itself_;
   CanopenState state_ = CanopenState::kBootUp;

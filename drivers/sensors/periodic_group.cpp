@@ -1,13 +1,16 @@
 #include "drivers/sensors/periodic_group.h"
 
 #include <algorithm>
-#include <set>
 #include <span>
 
 namespace holdfast {
 namespace {
 
 constexpr std::uint64_t kFaulty = 2;
+
+bool is_selected(const DbcSignal& signal) {
+  return signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed;
+}
 
 }  // namespace
 
@@ -36,6 +39,11 @@ std::size_t PeriodicGroup::add(const BinarySensor& sensor) {
   } else {
     signal.start_bit = sensor.start_bit;
     signal.num_bits = 2;
+  }
+  if (is_selected(signal)) {
+    const auto& ranges = signal.selector_ranges;
+    const std::int64_t value = ranges.empty() ? signal.selector_value : ranges.front().first;
+    if (std::ranges::find(selected_, value) == selected_.end()) selected_.push_back(value);
   }
   states_.push_back({signal});
   return states_.size() - 1;
@@ -87,17 +95,7 @@ InvalidReason PeriodicGroup::reason(std::size_t place, std::int64_t step) const 
 }
 
 void PeriodicGroup::encode(const std::vector<bool>& states, std::vector<CanFrame>& frames) const {
-  const auto is_selected = [](const State& state) {
-    return state.signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed;
-  };
-  std::set<std::int64_t> selected;
-  for (const State& state : states_) {
-    if (!is_selected(state)) continue;
-    const auto& ranges = state.signal.selector_ranges;
-    selected.insert(ranges.empty() ? state.signal.selector_value : ranges.front().first);
-  }
-  if (selected.empty()) selected.insert(0);
-  for (const std::int64_t value : selected) {
+  const auto append = [&](std::int64_t value) {
     CanFrame frame = message_.empty_frame();
     const std::span<std::uint8_t> data(frame.data.data(), frame.num_bytes);
     if (first_.protocol == BinarySensor::Protocol::kJ1939) {
@@ -107,11 +105,14 @@ void PeriodicGroup::encode(const std::vector<bool>& states, std::vector<CanFrame
     if (const DbcSignal* selector = message_.selector())
       selector->set_raw(data, static_cast<std::uint64_t>(value));
     for (std::size_t i = 0; i < states_.size(); ++i) {
-      if (!is_selected(states_[i]) || states_[i].signal.is_selected_by(value))
-        states_[i].signal.set_raw(data, states[i] ? 1 : 0);
+      const DbcSignal& signal = states_[i].signal;
+      if (!is_selected(signal) || signal.is_selected_by(value))
+        signal.set_raw(data, states[i] ? 1 : 0);
     }
     frames.push_back(frame);
-  }
+  };
+  if (selected_.empty()) append(0);
+  for (const std::int64_t value : selected_) append(value);
 }
 
 }  // namespace holdfast

@@ -47,6 +47,7 @@ class PeriodicGroup {
   BinarySensor first_;
   DbcMessage message_;
   std::vector<State> states_;
+  std::vector<std::int64_t> selected_;  // values of the selector that some state needs
   std::int64_t timeout_steps_;
   std::int64_t last_step_ = 0;  // 0: never heard
 };

@@ -1,6 +1,7 @@
 #include "drivers/sensors/sensor_states.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace holdfast {
 namespace {
@@ -104,6 +105,9 @@ SensorTwins::SensorTwins(const BinarySensors& sensors, const Dbc& dbc) : sensors
     auto found = std::ranges::find_if(devices_, is_same);
     if (found == devices_.end()) found = devices_.emplace(devices_.end());
     found->sensors.push_back(i);
+    std::ranges::copy_if(
+        sensors_.outages, std::back_inserter(found->outages),
+        [&sensor](const SensorOutage& outage) { return outage.sensor == sensor.name; });
     if (is_node(sensor)) {
       found->node = 0;  // numbered below
       found->inputs.push_back(static_cast<std::size_t>(sensor.input - 1));
@@ -121,19 +125,16 @@ SensorTwins::SensorTwins(const BinarySensors& sensors, const Dbc& dbc) : sensors
   }
 }
 
-bool SensorTwins::is_silent(const Device& device, std::int64_t step) const {
-  return std::ranges::any_of(sensors_.outages, [&](const SensorOutage& outage) {
-    if (step < outage.first_step || step > outage.last_step) return false;
-    return std::ranges::any_of(device.sensors, [&](std::size_t sensor) {
-      return sensors_.list[sensor].name == outage.sensor;
-    });
+bool SensorTwins::Device::is_silent(std::int64_t step) const {
+  return std::ranges::any_of(outages, [step](const SensorOutage& outage) {
+    return step >= outage.first_step && step <= outage.last_step;
   });
 }
 
 void SensorTwins::step(std::int64_t step, const std::vector<std::vector<double>>& readings,
                        std::vector<CanFrame>& frames) {
   for (const Device& device : devices_) {
-    const bool silent = is_silent(device, step);
+    const bool silent = device.is_silent(step);
     states_.clear();
     std::uint64_t inputs = 0;
     for (std::size_t i = 0; i < device.sensors.size(); ++i) {

@@ -60,8 +60,10 @@ class SensorTwins {
     std::vector<std::size_t> inputs;  // CANopen: bit of each sensor
     int node = -1;                    // index into nodes_, else of a group
     std::size_t group = 0;
+    std::vector<SensorOutage> outages;
+
+    bool is_silent(std::int64_t step) const;
   };
-  bool is_silent(const Device& device, std::int64_t step) const;
 
   BinarySensors sensors_;
   std::vector<Device> devices_;
