@@ -44,22 +44,24 @@ int attack_live(const Experiment& experiment, const LiveAttack& options) {
   const std::unique_ptr<CanBus> to = open_can_bus(options.to, bus_options);
 
   EventLoop loop;
-  RuleBook rules(experiment, attacker.core());
+  std::optional<RuleBook> rules;
   std::optional<ControlSocket> control;
-  if (!options.control.empty())
+  if (!options.control.empty()) {
+    rules.emplace(experiment, attacker.core());
     control.emplace(
         loop, options.control,
         [&](const std::string& request, double& watch_s) {
           const std::int64_t before = attacker.core().generation();
-          std::string answer = rules.answer(request, watch_s);
+          std::string answer = rules->answer(request, watch_s);
           const std::int64_t now = attacker.core().generation();
           if (now != before)
             attacker.remark("rules were changed: generation " + std::to_string(now));
           return answer;
         },
         [&](const std::string& why) {
-          if (rules.pause_all()) attacker.remark(why + ": all rules are paused, frames pass");
+          if (rules->pause_all()) attacker.remark(why + ": all rules are paused, frames pass");
         });
+  }
   bool is_stopped = false;
   loop.watch_bus(*from, [&] {
     attacker.on_readable(*from, *to);

@@ -56,21 +56,18 @@ void Simulation::pass_bus(MeasurementAssembler& assembler, bool has_attacker, Me
 // The operator sees the step close and may answer; what the plant then hears, it has in time for
 // the next step, since a simulated bus takes none.
 void Simulation::pass_commands() {
+  const auto send_back = [this](const CanFrame& frame) {
+    if (experiment_.has_bus()) {
+      proxy_.on_monitor_frame(frame, sent_);
+    } else {
+      sent_.commands.push_back(frame);
+    }
+  };
+  // In the order of the driver.
+  for (const CanFrame& frame : assembler_.to_sensors()) send_back(frame);
   for (const OperatorCommand& command : experiment_.commands) {
-    if (command.after_step != step_ || step_ == experiment_.num_steps) continue;
-    const CanFrame frame = command_codec_.encode(command.change);
-    if (experiment_.has_bus()) {
-      proxy_.on_monitor_frame(frame, sent_);
-    } else {
-      sent_.commands.push_back(frame);
-    }
-  }
-  for (const CanFrame& frame : assembler_.to_sensors()) {
-    if (experiment_.has_bus()) {
-      proxy_.on_monitor_frame(frame, sent_);
-    } else {
-      sent_.commands.push_back(frame);
-    }
+    if (command.after_step == step_ && step_ != experiment_.num_steps)
+      send_back(command_codec_.encode(command.change));
   }
   command_outcomes_ = {};
   // Nobody is there any more to obey: the plant ends with its last step.
