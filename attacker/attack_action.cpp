@@ -189,6 +189,7 @@ void read_signals(ConfigurationMap& map, AttackRule& rule, const Messages& selec
   if (map.has(key)) {
     for (const std::string& signal : rule.signals)
       check_signal(map, key, signal, rule.match, selected);
+    check_together(map, key, rule.signals, selected);
   }
 }
 

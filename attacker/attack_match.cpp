@@ -215,4 +215,20 @@ void check_signal(ConfigurationMap& map, const char* key, const std::string& sig
   }
 }
 
+void check_together(ConfigurationMap& map, const char* key, const std::vector<std::string>& signals,
+                    const Messages& selected) {
+  const DbcMessage* without = nullptr;
+  for (const DbcMessage* message : selected) {
+    std::vector<DbcSignal> found;
+    for (const std::string& name : signals) {
+      if (const DbcSignal* signal = message->find(name)) found.push_back(*signal);
+    }
+    if (found.size() != signals.size()) continue;
+    if (message->frame_for(found)) return;
+    without = message;
+  }
+  if (without != nullptr)
+    map.problem(key, "no frame of message '" + without->name + "' carries all of them");
+}
+
 }  // namespace holdfast

@@ -64,4 +64,8 @@ std::vector<const DbcMessage*> read_match(ConfigurationMap map, AttackMatch& mat
 void check_signal(ConfigurationMap& map, const char* key, const std::string& signal,
                   const AttackMatch& match, const std::vector<const DbcMessage*>& selected);
 
+/// Reports signals of which each is in some frame of the match, but all of them in none.
+void check_together(ConfigurationMap& map, const char* key, const std::vector<std::string>& signals,
+                    const std::vector<const DbcMessage*>& selected);
+
 }  // namespace holdfast

@@ -34,14 +34,6 @@ bool writes_values(RuleAction action) {
 
 }  // namespace
 
-bool has_signal(const CanFrame& frame, const DbcSignal& signal,
-                const std::optional<DbcSignal>& selector) {
-  if (!signal.fits(frame.num_bytes)) return false;
-  if (signal.multiplexing != DbcSignal::Multiplexing::kMultiplexed) return true;
-  return selector && selector->fits(frame.num_bytes) &&
-         signal.is_selected_by(static_cast<std::int64_t>(selector->raw(frame.bytes())));
-}
-
 RuleEffects::RuleEffects(std::vector<AttackRule> rules, const FrameLayout& layout,
                          std::uint64_t seed, std::uint32_t run, double step_s, MonitorModel monitor)
     : rules_(std::move(rules)),
@@ -122,7 +114,7 @@ bool RuleEffects::replay(const RuleCandidate& candidate, const DrawPlace& place,
   const CanFrame* earlier = table_.remembered(target, step - delay);
   if (earlier == nullptr) return false;
   for (const DbcSignal& signal : target.acted_on) {
-    if (!has_signal(*earlier, signal, target.selector)) return false;
+    if (!target.message.carries(signal, earlier->bytes())) return false;
   }
   for (const DbcSignal& signal : target.acted_on) {
     signal.set_raw(payload_of(frame), signal.raw(earlier->bytes()));
@@ -227,7 +219,7 @@ bool RuleEffects::forge(const RuleCandidate& candidate, const DrawPlace& place, 
     frame = *latest;
     frame.receive_time_ns = 0;
     for (const DbcSignal& signal : target.acted_on) {
-      if (!has_signal(frame, signal, target.selector)) return false;
+      if (!target.message.carries(signal, frame.bytes())) return false;
     }
   }
   return write_values(candidate, place, step, frame, is_saturated) &&

@@ -110,8 +110,4 @@ class RuleEffects {
   MonitorModel monitor_;
 };
 
-/// True when the frame holds the signal; it may be shorter than its message says.
-bool has_signal(const CanFrame& frame, const DbcSignal& signal,
-                const std::optional<DbcSignal>& selector);
-
 }  // namespace holdfast

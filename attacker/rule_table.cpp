@@ -18,11 +18,6 @@ bool goes_by_identifier(const AttackRule& rule) {
   return !forges(rule) && rule.match.messages.empty() && !needs_signal(rule);
 }
 
-std::int64_t selecting_value(const DbcSignal& signal) {
-  return signal.selector_ranges.empty() ? signal.selector_value
-                                        : signal.selector_ranges.front().first;
-}
-
 std::optional<DbcSignal> copy_of(const DbcSignal* signal) {
   return signal == nullptr ? std::nullopt : std::optional<DbcSignal>(*signal);
 }
@@ -99,7 +94,7 @@ std::optional<RuleTarget> RuleTable::make_target(std::uint32_t index, const Atta
   RuleTarget target;
   target.rule = index;
   target.key = frame_key(message.identifier, message.is_extended);
-  target.selector = copy_of(message.selector());
+  target.message = message;
   if (!rule.match.signal.empty()) {
     target.compared = copy_of(message.find(rule.match.signal));
     if (!target.compared) return std::nullopt;
@@ -113,14 +108,9 @@ std::optional<RuleTarget> RuleTable::make_target(std::uint32_t index, const Atta
     target.history = history_for(rule, target.key);
   }
   if (!forges(rule)) return target;
-  target.forged = message.empty_frame();
-  for (const DbcSignal& signal : target.acted_on) {
-    if (!signal.fits(target.forged.num_bytes)) return std::nullopt;
-    if (signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed && target.selector) {
-      target.selector->set_raw({target.forged.data.data(), target.forged.num_bytes},
-                               static_cast<std::uint64_t>(selecting_value(signal)));
-    }
-  }
+  const std::optional<CanFrame> forged = message.frame_for(target.acted_on);
+  if (!forged) return std::nullopt;
+  target.forged = *forged;
   if (!rule.counter_signal.empty()) target.counter = copy_of(message.find(rule.counter_signal));
   return target;
 }

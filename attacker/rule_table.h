@@ -17,7 +17,8 @@ namespace holdfast {
 /// Where a rule finds its signals in one message.
 struct RuleTarget {
   std::uint32_t rule = 0, key = 0;  // whose it is; frame_key() of the message
-  std::optional<DbcSignal> compared, selector;
+  DbcMessage message;
+  std::optional<DbcSignal> compared;
   std::vector<DbcSignal> acted_on;
   CanFrame forged;  // of a rule that forges: the message before value and counter are set
   std::optional<DbcSignal> counter;  // of such a rule

@@ -23,6 +23,13 @@ add_library(holdfast_msgpack INTERFACE)
 target_include_directories(holdfast_msgpack SYSTEM INTERFACE ${MSGPACK_INCLUDE_DIR})
 target_compile_definitions(holdfast_msgpack INTERFACE MSGPACK_NO_BOOST)
 
+# Sensors on a serial line that speaks Modbus RTU.
+find_path(MODBUS_INCLUDE_DIR modbus/modbus.h REQUIRED)
+find_library(MODBUS_LIBRARY modbus REQUIRED)
+add_library(holdfast_modbus INTERFACE)
+target_include_directories(holdfast_modbus SYSTEM INTERFACE ${MODBUS_INCLUDE_DIR})
+target_link_libraries(holdfast_modbus INTERFACE ${MODBUS_LIBRARY})
+
 find_package(SQLite3 REQUIRED)
 add_library(holdfast_sqlite INTERFACE)
 target_link_libraries(holdfast_sqlite INTERFACE SQLite::SQLite3)

@@ -1,8 +1,11 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <string>
+#include <vector>
 
 #include "tools/dbc_tool.h"
+#include "tools/printable_text.h"
 #include "tools/program_options.h"
 
 namespace holdfast {
@@ -73,7 +76,9 @@ int main(int argc, char** argv) {
     if (list->parsed()) {
       std::cout << holdfast::list_text(dbc);
     } else {
-      std::cout << holdfast::encode_text(dbc, options.message, options.signals) << '\n';
+      std::vector<std::string> remarks;
+      std::cout << holdfast::encode_text(dbc, options.message, options.signals, remarks) << '\n';
+      for (const std::string& remark : remarks) std::cerr << holdfast::printable(remark) << '\n';
     }
     return 0;
   });

@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <istream>
+#include <limits>
 #include <optional>
 #include <ostream>
 #include <set>
+#include <span>
 
 #include "common/errors.h"
 #include "drivers/can/candump_log.h"
@@ -38,15 +41,18 @@ const char* kind_text(const DbcSignal& signal) {
   return "float64";
 }
 
-std::string multiplexing_text(const DbcSignal& signal) {
-  if (signal.multiplexing == DbcSignal::Multiplexing::kSelector) return "selects";
-  if (signal.multiplexing == DbcSignal::Multiplexing::kNone) return "";
-  if (signal.selector_ranges.empty()) return "when " + std::to_string(signal.selector_value);
+// The selector is named only where there are several.
+std::string multiplexing_text(const DbcMessage& message, const DbcSignal& signal) {
   std::string text;
-  for (const auto& [first, last] : signal.selector_ranges) {
-    text += (text.empty() ? "when " : ", ") + std::to_string(first);
-    if (last != first) text += "-" + std::to_string(last);
+  if (const DbcSignal* selector = message.selector_of(signal)) {
+    const bool is_only = std::ranges::count_if(message.signals, &DbcSignal::is_selector) == 1;
+    const std::string when = is_only ? "when " : "when " + printable(selector->name, 100) + " ";
+    for (const auto& [first, last] : signal.selector_ranges) {
+      text += (text.empty() ? when : ", ") + std::to_string(first);
+      if (last != first) text += "-" + std::to_string(last);
+    }
   }
+  if (signal.is_selector) text += text.empty() ? "selects" : "; selects";
   return text;
 }
 
@@ -70,6 +76,25 @@ std::string names_text(const DbcSignal& signal) {
   return text;
 }
 
+bool is_whole(const DbcSignal& signal) {
+  return signal.kind == DbcSignal::Kind::kUnsigned || signal.kind == DbcSignal::Kind::kSigned;
+}
+
+std::string raw_text(const DbcSignal& signal, std::span<const std::uint8_t> data) {
+  const std::uint64_t raw = signal.raw(data);
+  return signal.kind == DbcSignal::Kind::kSigned ? std::to_string(static_cast<std::int64_t>(raw))
+                                                 : std::to_string(raw);
+}
+
+// A double does not hold every number of 64 bits: where the bits are the value, none is needed.
+bool is_raw_value(const DbcSignal& signal) {
+  return is_whole(signal) && signal.scale == 1.0 && signal.offset == 0.0;
+}
+
+std::string value_text(const DbcSignal& signal, std::span<const std::uint8_t> data) {
+  return is_raw_value(signal) ? raw_text(signal, data) : number_of(signal.unpack(data));
+}
+
 const std::string* name_of_value(const DbcSignal& signal, std::span<const std::uint8_t> data) {
   const auto found = signal.value_names.find(static_cast<std::int64_t>(signal.raw(data)));
   return found == signal.value_names.end() ? nullptr : &found->second;
@@ -84,38 +109,78 @@ void write_frame(const CandumpRecord& record, const DbcMessage& message, std::os
     const std::string* name = name_of_value(signal, frame.bytes());
     csv << time << ',' << csv_text(record.interface_name) << ',' << identifier_text(frame) << ','
         << csv_text(message.name) << ',' << csv_text(signal.name) << ','
-        << number_of(signal.unpack(frame.bytes())) << ',' << csv_text(signal.unit) << ','
+        << value_text(signal, frame.bytes()) << ',' << csv_text(signal.unit) << ','
         << (name == nullptr ? "" : csv_text(*name)) << '\n';
   }
 }
 
-double value_of(const DbcSignal& signal, const std::string& text) {
-  double value = 0.0;
+template <class Number>
+std::optional<Number> parsed(const std::string& text) {
+  Number number{};
   const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, value);
-  if (!text.empty() && error == std::errc{} && stop == end) return value;
-  for (const auto& [raw, name] : signal.value_names) {
-    if (name == text) return static_cast<double>(raw) * signal.scale + signal.offset;
+  const auto [stop, error] = std::from_chars(text.data(), end, number);
+  return !text.empty() && error == std::errc{} && stop == end ? std::optional(number)
+                                                              : std::nullopt;
+}
+
+// The raw bits of a signal whose value they are; none for a text that is no whole number.
+std::optional<std::uint64_t> raw_of(const DbcSignal& signal, const std::string& text) {
+  if (!is_raw_value(signal)) return std::nullopt;
+  if (signal.kind == DbcSignal::Kind::kUnsigned) return parsed<std::uint64_t>(text);
+  const auto number = parsed<std::int64_t>(text);
+  return number ? std::optional(static_cast<std::uint64_t>(*number)) : std::nullopt;
+}
+
+std::int64_t value_of_name(const DbcSignal& signal, const std::string& name) {
+  for (const auto& [value, value_name] : signal.value_names) {
+    if (value_name == name) return value;
   }
-  throw UsageError(signal.name + ": '" + text + "' is neither a number nor a name of its values" +
+  throw UsageError(signal.name + ": '" + name + "' is neither a number nor a name of its values" +
                    (signal.value_names.empty() ? "" : ": " + names_text(signal)));
 }
 
-// A value of the selector for which all of the signals are in the frame; none when there is none.
-std::optional<std::int64_t> selector_for(const std::vector<const DbcSignal*>& signals) {
-  for (const DbcSignal* signal : signals) {
-    std::vector<std::int64_t> values = {signal->selector_value};
-    for (const auto& [first, last] : signal->selector_ranges) {
-      values.push_back(first);
-      values.push_back(last);
-    }
-    for (const std::int64_t value : values) {
-      const bool selects_all = std::ranges::all_of(
-          signals, [value](const DbcSignal* other) { return other->is_selected_by(value); });
-      if (selects_all) return value;
-    }
+// Whether the bits may say another number than this one, which was packed as a double.
+bool is_rounded(const DbcSignal& signal, double value) {
+  constexpr double kInexact = 9007199254740992.0;  // from it on doubles skip whole numbers
+  constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+  if (!is_whole(signal)) return false;
+  const double steps = (value - signal.offset) / signal.scale;
+  const double of_arithmetic =
+      4.0 * kEpsilon * (std::abs(value) + std::abs(signal.offset)) / std::abs(signal.scale);
+  return std::abs(steps) >= kInexact || std::abs(steps - std::round(steps)) > 1e-6 + of_arithmetic;
+}
+
+// Writes what the text says; what the signal does not say like that is remarked.
+void write_value(const DbcSignal& signal, const std::string& text, std::span<std::uint8_t> data,
+                 std::vector<std::string>& remarks) {
+  const std::optional<double> number = parsed<double>(text);
+  std::optional<std::uint64_t> raw = raw_of(signal, text);
+  double value = number.value_or(0.0);
+  if (!number) {
+    const std::int64_t named = value_of_name(signal, text);
+    value = static_cast<double>(named) * signal.scale + signal.offset;
+    if (is_whole(signal)) raw = static_cast<std::uint64_t>(named);
   }
-  return std::nullopt;
+  if (raw) signal.set_raw(data, *raw);
+  if (raw ? signal.raw(data) != *raw : !signal.pack(data, value))
+    throw UsageError(signal.name + ": " + text + " does not fit its " +
+                     std::to_string(signal.num_bits) + " bits");
+  if (!raw && is_rounded(signal, value))
+    remarks.push_back(signal.name + ": " + text + " is written as " + value_text(signal, data) +
+                      " (raw " + raw_text(signal, data) + ")");
+  const std::string range = range_text(signal);
+  if (!range.empty() && !(signal.minimum <= value && value <= signal.maximum))
+    remarks.push_back(signal.name + ": " + text + " lies outside " + range);
+}
+
+[[noreturn]] void refuse_together(const DbcMessage& message,
+                                  const std::vector<DbcSignal>& signals) {
+  for (const DbcSignal& signal : signals) {
+    if (!message.frame_for({signal}))
+      throw UsageError("no frame of " + message.name + " carries " + signal.name +
+                       ": its selector has too few bits to say so");
+  }
+  throw UsageError("no frame of " + message.name + " carries all of these signals together");
 }
 
 }  // namespace
@@ -146,7 +211,7 @@ std::string list_text(const Dbc& dbc) {
                  std::to_string(signal.start_bit) + "|" + std::to_string(signal.num_bits) +
                      (signal.is_little_endian ? " Intel" : " Motorola"),
                  kind_text(signal), scale_text(signal), range_text(signal),
-                 printable(signal.unit, 40), multiplexing_text(signal),
+                 printable(signal.unit, 40), multiplexing_text(message, signal),
                  printable(names_text(signal), 400)});
     }
     text += table.text();
@@ -181,43 +246,30 @@ DecodeCounts decode_to_csv(const Dbc& dbc, std::istream& log, std::ostream& csv)
 }
 
 std::string encode_text(const Dbc& dbc, const std::string& message_name,
-                        const std::vector<std::string>& assignments) {
+                        const std::vector<std::string>& assignments,
+                        std::vector<std::string>& remarks) {
   const DbcMessage& message = require_message(dbc, message_name);
-  CanFrame frame = message.empty_frame();
-  const std::span<std::uint8_t> data(frame.data.data(), frame.num_bytes);
-  std::vector<const DbcSignal*> selected;
+  std::vector<DbcSignal> signals;
+  std::vector<std::string> texts;
   std::set<std::string> given;
-  bool has_selector = false;
   for (const std::string& assignment : assignments) {
     const std::size_t equals = assignment.find('=');
     if (equals == std::string::npos)
       throw UsageError("'" + assignment + "': write a signal as NAME=VALUE");
-    const DbcSignal& signal = require_signal(message, assignment.substr(0, equals));
-    const std::string text = assignment.substr(equals + 1);
-    if (!given.insert(signal.name).second) throw UsageError(signal.name + ": is given twice");
-    if (!signal.pack(data, value_of(signal, text)))
-      throw UsageError(signal.name + ": " + text + " does not fit its " +
-                       std::to_string(signal.num_bits) + " bits");
-    if (signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed) selected.push_back(&signal);
-    has_selector = has_selector || signal.multiplexing == DbcSignal::Multiplexing::kSelector;
+    signals.push_back(require_signal(message, assignment.substr(0, equals)));
+    texts.push_back(assignment.substr(equals + 1));
+    const std::string& name = signals.back().name;
+    if (!given.insert(name).second) throw UsageError(name + ": is given twice");
   }
-  if (!selected.empty() && message.selector() != nullptr) {
-    const DbcSignal& selector = *message.selector();
-    const auto value = has_selector
-                           ? std::optional(static_cast<std::int64_t>(selector.raw(frame.bytes())))
-                           : selector_for(selected);
-    const bool is_good = value && std::ranges::all_of(selected, [&](const DbcSignal* signal) {
-                           return signal->is_selected_by(*value);
-                         });
-    if (!is_good)
-      throw UsageError("no frame of " + message_name + " carries all of these signals together");
-    const double physical = static_cast<double>(*value) * selector.scale + selector.offset;
-    if (!selector.pack(data, physical))
-      throw UsageError(selector.name + ": " + std::to_string(*value) + " does not fit its " +
-                       std::to_string(selector.num_bits) + " bits, so no frame carries " +
-                       selected.front()->name);
+  std::optional<CanFrame> frame = message.frame_for(signals);
+  if (!frame) refuse_together(message, signals);
+  for (std::size_t i = 0; i < signals.size(); ++i)
+    write_value(signals[i], texts[i], {frame->data.data(), frame->num_bytes}, remarks);
+  // A selector may have been given another value than the others need.
+  for (const DbcSignal& signal : signals) {
+    if (!message.carries(signal, frame->bytes())) refuse_together(message, signals);
   }
-  const std::string line = format_candump_line({0, "x", frame});
+  const std::string line = format_candump_line({0, "x", *frame});
   return line.substr(line.rfind(' ') + 1);
 }
 

@@ -32,10 +32,11 @@ struct DecodeCounts {
 DecodeCounts decode_to_csv(const Dbc& dbc, std::istream& log, std::ostream& csv);
 
 /// The frame of a message with these signals ("NAME=VALUE", a number or a name of the signal's
-/// values), all other bits zero, as cansend takes it. A multiplexer is set to what its signals
-/// need. Throws UsageError for names that the DBC has not, values that do not fit, and signals that
-/// no frame carries together.
+/// values), all other bits zero, as cansend takes it. Multiplexers are set to what their signals
+/// need. A value that the signal rounds, or that lies beyond its limits, is written all the same;
+/// the remarks say so. Throws UsageError for names that the DBC has not, values that do not fit the
+/// bits, and signals that no frame carries together.
 std::string encode_text(const Dbc& dbc, const std::string& message,
-                        const std::vector<std::string>& signals);
+                        const std::vector<std::string>& signals, std::vector<std::string>& remarks);
 
 }  // namespace holdfast

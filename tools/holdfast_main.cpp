@@ -24,6 +24,7 @@ constexpr Command kCommands[] = {
     {"attacker", "the man in the middle between two buses"},
     {"control", "change the rules of a running attacker"},
     {"can-driver", "frames of a bus to measurement sets; what is on a bus"},
+    {"modbus", "ask the sensors of a serial line, tell it on a bus"},
     {"dbc", "what a DBC file says; frames by it"},
     {"estimator", "run an estimator live or on a log"},
     {"smoother", "look back over a whole log"},

@@ -135,11 +135,11 @@ bool DbcReader::read_signal() {
   skip_blanks();
   const std::size_t offset = position();
   SignalDraft draft;
-  draft.offset = offset;
+  draft.selection_offset = offset;
   if (!read_word(draft.signal.name, "name of a signal")) return false;
   const std::string& name = draft.signal.name;
   const auto left_out = left_out_signals_.emplace(current_->file_identifier, name).first;
-  if (!read_multiplexing(draft.signal) || !expect(':')) return false;
+  if (!read_multiplexing(draft) || !expect(':')) return false;
   if (!read_signal_layout(draft.signal)) return false;
   for (const SignalDraft& other : current_->signals) {
     if (other.signal.name == name) {
@@ -157,24 +157,21 @@ bool DbcReader::read_signal() {
   return skip_line();
 }
 
-bool DbcReader::read_multiplexing(DbcSignal& signal) {
+bool DbcReader::read_multiplexing(SignalDraft& draft) {
   skip_blanks();
   if (peek() == ':') return true;
   const std::size_t offset = position();
   std::string mark;
-  if (!read_word(mark, "':' or the multiplexing (M, m0)")) return false;
-  if (mark == "M") {
-    signal.multiplexing = DbcSignal::Multiplexing::kSelector;
-    return true;
-  }
-  signal.multiplexing = DbcSignal::Multiplexing::kMultiplexed;
-  const char* end = mark.data() + mark.size();
-  // mNM selects others in its turn; here it is a multiplexed value like any other.
-  if (mark.size() > 2 && mark.back() == 'M') --end;
-  const auto [stop, error] = std::from_chars(mark.data() + 1, end, signal.selector_value);
-  if (mark[0] != 'm' || error != std::errc{} || stop != end || signal.selector_value < 0) {
-    return fail(offset, "multiplexing must be M or m and a number");
-  }
+  if (!read_word(mark, "':' or the multiplexing (M, m0, m0M)")) return false;
+  draft.signal.is_selector = mark.back() == 'M';
+  draft.is_multiplexed = mark != "M";
+  if (!draft.is_multiplexed) return true;
+  std::int64_t value = 0;
+  const char* end = mark.data() + mark.size() - (draft.signal.is_selector ? 1 : 0);
+  const auto [stop, error] = std::from_chars(mark.data() + 1, end, value);
+  if (mark[0] != 'm' || error != std::errc{} || stop != end || value < 0)
+    return fail(offset, "multiplexing must be M, or m and a number, then M where it selects, too");
+  draft.signal.selector_ranges = {{value, value}};
   return true;
 }
 

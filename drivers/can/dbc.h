@@ -16,7 +16,6 @@ namespace holdfast {
 /// One signal of a message layout.
 struct DbcSignal {
   enum class Kind { kUnsigned, kSigned, kFloat32, kFloat64 };
-  enum class Multiplexing { kNone, kSelector, kMultiplexed };
 
   std::string name;
   int start_bit = 0;  // as DBC counts: bit b is bit b % 8 of byte b / 8
@@ -27,9 +26,11 @@ struct DbcSignal {
   double offset = 0.0;
   double minimum = 0.0, maximum = 0.0;  // both 0: no limits
   std::string unit;
-  Multiplexing multiplexing = Multiplexing::kNone;
-  std::int64_t selector_value = 0;  // of a multiplexed signal: N of mN
-  /// SG_MUL_VAL_: first and last selector values that carry the signal, instead of mN's one value.
+  bool is_selector = false;  // M or mNM: it may say which others are there
+  /// Of a multiplexed signal: where its selector, which may be multiplexed in its turn, stands
+  /// among the message's signals. Below 0: the signal is always there.
+  int selector = -1;
+  /// First and last values of the selector that carry the signal: of SG_MUL_VAL_, or N of mN.
   std::vector<std::pair<std::int64_t, std::int64_t>> selector_ranges;
   std::map<std::int64_t, std::string> value_names;  // VAL_
 
@@ -44,8 +45,9 @@ struct DbcSignal {
   bool pack(std::span<std::uint8_t> data, double value) const;
   /// True when every bit of the signal lies inside num_bytes.
   bool fits(std::size_t num_bytes) const;
-  /// True when the signal is there while the message's selector has this value.
-  bool is_selected_by(std::int64_t selector) const;
+  bool is_multiplexed() const { return selector >= 0; }
+  /// Of a multiplexed signal: true when its selector's value carries it.
+  bool is_selected_by(std::int64_t selector_value) const;
 };
 
 struct DbcMessage {
@@ -58,11 +60,16 @@ struct DbcMessage {
   std::vector<DbcSignal> signals;
 
   const DbcSignal* find(const std::string& signal_name) const;
-  const DbcSignal* selector() const;
-  /// True when the signal is in a frame with this data, its multiplexing considered.
+  /// Null for a signal that is not multiplexed.
+  const DbcSignal* selector_of(const DbcSignal& signal) const;
+  /// True when the signal is in the data: they are long enough, and its selector is in them and has
+  /// a value that carries it.
   bool carries(const DbcSignal& signal, std::span<const std::uint8_t> data) const;
   /// Frame with zero data, right identifier, flags and length (of FD: the next length there is).
   CanFrame empty_frame() const;
+  /// The same, but each selector on the way up from these signals of the message has the least
+  /// value that carries what it selects of them. None when no frame carries them together.
+  std::optional<CanFrame> frame_for(const std::vector<DbcSignal>& wanted) const;
   /// True when identifier, width, format and length of the frame are those of this message.
   bool matches(const CanFrame& frame) const;
 };
@@ -92,7 +99,8 @@ std::optional<std::string> read_dbc_file(const std::string& file);
 /// order of lines (from 1) and columns (bytes, from 1; a byte order mark does not count).
 ///
 /// Line ends may be LF, CRLF or CR; text that is not UTF-8 is read as Windows-1252. A signal that
-/// does not fit its message, or whose multiplexing is nested, is a problem and is left out.
+/// does not fit its message, or of which cannot be told when it is there, is a problem and is left
+/// out: up from each signal that is kept its selectors end at one that is always there.
 Dbc parse_dbc(const std::string& text);
 
 /// The text in UTF-8, without byte order mark: what is not UTF-8 already is read as Windows-1252,

@@ -21,8 +21,9 @@ class DbcReader : private DbcScanner {
   using Handler = bool (DbcReader::*)();
   struct SignalDraft {
     DbcSignal signal;
-    std::size_t offset = 0;
-    std::string selector;  // that SG_MUL_VAL_ names
+    bool is_multiplexed = false;
+    std::string selector;              // that SG_MUL_VAL_ names
+    std::size_t selection_offset = 0;  // where the selector is named; else of the signal itself
     bool is_left_out = false;
   };
   struct MessageDraft {
@@ -48,10 +49,14 @@ class DbcReader : private DbcScanner {
   bool skip_symbol_list();
 
   bool read_signal_layout(DbcSignal& signal);
-  bool read_multiplexing(DbcSignal& signal);
+  bool read_multiplexing(SignalDraft& draft);
   bool add_message(MessageDraft draft, std::size_t offset);
   SignalDraft* read_signal_reference(bool& is_good);
+  bool read_selection(SignalDraft& draft);
   void finish(MessageDraft& draft, Dbc& dbc);
+  void find_selectors(MessageDraft& draft);
+  void leave_out_unreachable(MessageDraft& draft);
+  bool leave_out(SignalDraft& draft, std::size_t offset, const std::string& reason);
   bool is_fd(const MessageDraft& draft) const;
 
   std::vector<MessageDraft> messages_;

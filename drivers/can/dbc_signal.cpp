@@ -3,6 +3,8 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <set>
 
 #include "drivers/can/dbc.h"
 
@@ -60,6 +62,27 @@ bool nearest_float(double value, float& nearest) {
   }
   nearest = static_cast<float>(value);
   return true;
+}
+
+std::int64_t value_in(const DbcSignal& selector, std::span<const std::uint8_t> data) {
+  return static_cast<std::int64_t>(selector.raw(data));
+}
+
+// To the least value that carries all of these, which is the first of some range.
+void set_selector(const DbcSignal& selector, const std::vector<const DbcSignal*>& selected,
+                  std::span<std::uint8_t> data) {
+  std::set<std::int64_t> candidates;
+  for (const DbcSignal* signal : selected) {
+    for (const auto& range : signal->selector_ranges) candidates.insert(range.first);
+  }
+  for (const std::int64_t candidate : candidates) {
+    selector.set_raw(data, static_cast<std::uint64_t>(candidate));
+    // Read back: it may have more bits than the selector.
+    const std::int64_t value = value_in(selector, data);
+    if (std::ranges::all_of(
+            selected, [value](const DbcSignal* signal) { return signal->is_selected_by(value); }))
+      return;
+  }
 }
 
 // Length of the UTF-8 sequence at the start of the text; 0 when it is none.
@@ -167,10 +190,9 @@ bool DbcSignal::fits(std::size_t num_bytes) const {
          static_cast<std::size_t>(first) + static_cast<std::size_t>(num_bits) <= bits;
 }
 
-bool DbcSignal::is_selected_by(std::int64_t selector) const {
-  if (selector_ranges.empty()) return selector == selector_value;
-  return std::any_of(selector_ranges.begin(), selector_ranges.end(), [&](const auto& range) {
-    return range.first <= selector && selector <= range.second;
+bool DbcSignal::is_selected_by(std::int64_t selector_value) const {
+  return std::ranges::any_of(selector_ranges, [&](const auto& range) {
+    return range.first <= selector_value && selector_value <= range.second;
   });
 }
 
@@ -181,18 +203,19 @@ const DbcSignal* DbcMessage::find(const std::string& signal_name) const {
   return nullptr;
 }
 
-const DbcSignal* DbcMessage::selector() const {
-  for (const DbcSignal& signal : signals) {
-    if (signal.multiplexing == DbcSignal::Multiplexing::kSelector) return &signal;
-  }
-  return nullptr;
+const DbcSignal* DbcMessage::selector_of(const DbcSignal& signal) const {
+  return signal.is_multiplexed() ? &signals[static_cast<std::size_t>(signal.selector)] : nullptr;
 }
 
 bool DbcMessage::carries(const DbcSignal& signal, std::span<const std::uint8_t> data) const {
-  if (signal.multiplexing != DbcSignal::Multiplexing::kMultiplexed) return true;
-  const DbcSignal* switch_signal = selector();
-  return switch_signal != nullptr &&
-         signal.is_selected_by(static_cast<std::int64_t>(switch_signal->raw(data)));
+  if (!signal.fits(data.size())) return false;
+  const DbcSignal* selected = &signal;
+  while (const DbcSignal* selector = selector_of(*selected)) {
+    if (!selector->fits(data.size()) || !selected->is_selected_by(value_in(*selector, data)))
+      return false;
+    selected = selector;
+  }
+  return true;
 }
 
 CanFrame DbcMessage::empty_frame() const {
@@ -202,6 +225,23 @@ CanFrame DbcMessage::empty_frame() const {
   if (is_fd) frame.flags |= CanFrame::kFd;
   frame.num_bytes = is_fd ? fd_length(num_bytes) : num_bytes;
   return frame;
+}
+
+std::optional<CanFrame> DbcMessage::frame_for(const std::vector<DbcSignal>& wanted) const {
+  std::map<const DbcSignal*, std::vector<const DbcSignal*>> selected_by;
+  for (const DbcSignal& signal : wanted) {
+    const DbcSignal* selected = &signal;
+    while (const DbcSignal* selector = selector_of(*selected)) {
+      selected_by[selector].push_back(selected);
+      selected = selector;
+    }
+  }
+  CanFrame frame = empty_frame();
+  for (const auto& [selector, selected] : selected_by)
+    set_selector(*selector, selected, {frame.data.data(), frame.num_bytes});
+  const bool carries_all = std::ranges::all_of(
+      wanted, [&](const DbcSignal& signal) { return carries(signal, frame.bytes()); });
+  return carries_all ? std::optional(frame) : std::nullopt;
 }
 
 bool DbcMessage::matches(const CanFrame& frame) const {

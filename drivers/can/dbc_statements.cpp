@@ -1,4 +1,7 @@
 #include <charconv>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
 
 #include "drivers/can/dbc_reader.h"
 
@@ -50,8 +53,7 @@ bool DbcReader::read_value_type() {
     signal.kind = DbcSignal::Kind::kFloat64;
   } else if (type != 0) {
     // Its values would be read as what they are not.
-    fail(offset, "type of '" + signal.name + "' must be 0, 1 (32 bits) or 2 (64 bits): left out");
-    draft->is_left_out = true;
+    leave_out(*draft, offset, "type must be 0, 1 (32 bits) or 2 (64 bits)");
   }
   return skip_statement();
 }
@@ -77,16 +79,30 @@ bool DbcReader::read_selector_ranges() {
   bool is_good = false;
   SignalDraft* draft = read_signal_reference(is_good);
   if (draft == nullptr) return is_good && skip_statement();
-  std::vector<std::pair<std::int64_t, std::int64_t>> ranges;
-  if (!read_word(draft->selector, "name of the selecting signal")) return false;
+  if (read_selection(*draft)) return skip_statement();
+  // Without its ranges a multiplexed signal would be taken to be there when it is not.
+  draft->is_left_out = draft->is_left_out || draft->is_multiplexed;
+  return false;
+}
+
+bool DbcReader::read_selection(SignalDraft& draft) {
+  skip_blanks();
+  const std::size_t offset = position();
+  if (!read_word(draft.selector, "name of the selecting signal")) return false;
+  if (!draft.is_multiplexed)
+    return fail(offset, "'" + draft.signal.name + "' is not multiplexed (m0)");
+  draft.selection_offset = offset;
+  draft.signal.selector_ranges.clear();
   do {
     std::int64_t first = 0, last = 0;
+    skip_blanks();
+    const std::size_t range_offset = position();
     if (!read_whole(first, "first value") || !expect('-')) return false;
     if (!read_whole(last, "last value")) return false;
-    ranges.emplace_back(first, last);
+    if (first > last) return leave_out(draft, range_offset, "first value lies above the last");
+    draft.signal.selector_ranges.emplace_back(first, last);
   } while (accept(','));
-  draft->signal.selector_ranges = std::move(ranges);
-  return skip_statement();
+  return true;
 }
 
 bool DbcReader::read_attribute_definition() {
@@ -134,30 +150,77 @@ bool DbcReader::read_attribute() {
 void DbcReader::finish(MessageDraft& draft, Dbc& dbc) {
   DbcMessage& message = draft.message;
   message.is_fd = is_fd(draft);
-  const DbcSignal* selector = nullptr;
-  for (SignalDraft& candidate : draft.signals) {
-    if (candidate.signal.multiplexing != DbcSignal::Multiplexing::kSelector) continue;
-    if (selector != nullptr) {
-      fail(candidate.offset, "message '" + message.name + "' has a selector already: left out");
-      candidate.is_left_out = true;
-    } else if (!candidate.is_left_out) {
-      selector = &candidate.signal;
-    }
-  }
-  for (SignalDraft& candidate : draft.signals) {
-    if (candidate.signal.multiplexing != DbcSignal::Multiplexing::kMultiplexed) continue;
-    if (selector == nullptr) {
-      fail(candidate.offset, "message '" + message.name + "' has no selector (M): left out");
-      candidate.is_left_out = true;
-    } else if (!candidate.selector.empty() && candidate.selector != selector->name) {
-      fail(candidate.offset, "nested multiplexing of '" + candidate.signal.name + "': left out");
-      candidate.is_left_out = true;
-    }
-  }
+  find_selectors(draft);
+  leave_out_unreachable(draft);
+  std::vector<int> place_of;  // by place among the drafts
+  int num_kept = 0;
+  for (const SignalDraft& signal : draft.signals)
+    place_of.push_back(signal.is_left_out ? -1 : num_kept++);
   for (SignalDraft& signal : draft.signals) {
-    if (!signal.is_left_out) message.signals.push_back(std::move(signal.signal));
+    if (signal.is_left_out) continue;
+    int& selector = signal.signal.selector;
+    if (selector >= 0) selector = place_of[static_cast<std::size_t>(selector)];
+    message.signals.push_back(std::move(signal.signal));
   }
   dbc.messages.push_back(std::move(message));
+}
+
+// Notes why; false.
+bool DbcReader::leave_out(SignalDraft& draft, std::size_t offset, const std::string& reason) {
+  draft.is_left_out = true;
+  return fail(offset, reason + ": '" + draft.signal.name + "' is left out");
+}
+
+// The selector that SG_MUL_VAL_ names, else the only one that is always there.
+void DbcReader::find_selectors(MessageDraft& draft) {
+  std::unordered_map<std::string_view, int> place_of;  // selectors'
+  std::vector<int> always;
+  for (std::size_t i = 0; i < draft.signals.size(); ++i) {
+    const SignalDraft& signal = draft.signals[i];
+    if (!signal.signal.is_selector) continue;
+    place_of.emplace(signal.signal.name, static_cast<int>(i));
+    if (!signal.is_multiplexed && !signal.is_left_out) always.push_back(static_cast<int>(i));
+  }
+  const std::string none = "message '" + draft.message.name + "' has no selector (M)";
+  for (SignalDraft& signal : draft.signals) {
+    if (!signal.is_multiplexed || signal.is_left_out) continue;
+    const auto named = place_of.find(signal.selector);
+    if (named != place_of.end()) {
+      signal.signal.selector = named->second;
+    } else if (!signal.selector.empty()) {
+      leave_out(signal, signal.selection_offset, none + " '" + signal.selector + "'");
+    } else if (always.size() == 1) {
+      signal.signal.selector = always.front();
+    } else {
+      leave_out(signal, signal.selection_offset,
+                always.empty() ? none : "of several selectors no SG_MUL_VAL_ says which is its");
+    }
+  }
+}
+
+// What is selected by what is left out, or in a circle, can never be told to be there.
+void DbcReader::leave_out_unreachable(MessageDraft& draft) {
+  std::vector<std::vector<std::size_t>> selected_by(draft.signals.size());
+  std::vector<std::size_t> reached;
+  for (std::size_t i = 0; i < draft.signals.size(); ++i) {
+    const SignalDraft& signal = draft.signals[i];
+    if (signal.is_left_out) continue;
+    auto& list = signal.signal.is_multiplexed()
+                     ? selected_by[static_cast<std::size_t>(signal.signal.selector)]
+                     : reached;
+    list.push_back(i);
+  }
+  std::vector<bool> is_reached(draft.signals.size());
+  for (std::size_t next = 0; next < reached.size(); ++next) {
+    const std::size_t place = reached[next];
+    is_reached[place] = true;
+    reached.insert(reached.end(), selected_by[place].begin(), selected_by[place].end());
+  }
+  for (std::size_t i = 0; i < draft.signals.size(); ++i) {
+    SignalDraft& signal = draft.signals[i];
+    if (!signal.is_left_out && !is_reached[i])
+      leave_out(signal, signal.selection_offset, "its selectors end at none that is always there");
+  }
 }
 
 bool DbcReader::is_fd(const MessageDraft& draft) const {

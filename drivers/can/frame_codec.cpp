@@ -16,23 +16,6 @@ std::uint64_t mask_of(const DbcSignal& signal) {
   return ~std::uint64_t{0} >> (64 - signal.num_bits);
 }
 
-// A selector value that selects all these signals; none when there is no such value.
-std::optional<std::int64_t> common_selector_value(const std::vector<DbcSignal>& signals) {
-  std::vector<std::int64_t> candidates;  // a common value, if any, is the start of some range
-  for (const DbcSignal& signal : signals) {
-    if (signal.selector_ranges.empty()) candidates.push_back(signal.selector_value);
-    for (const auto& range : signal.selector_ranges) candidates.push_back(range.first);
-  }
-  std::sort(candidates.begin(), candidates.end());
-  for (const std::int64_t value : candidates) {
-    if (std::all_of(signals.begin(), signals.end(),
-                    [&](const DbcSignal& signal) { return signal.is_selected_by(value); })) {
-      return value;
-    }
-  }
-  return std::nullopt;
-}
-
 }  // namespace
 
 FrameCodec::Entry FrameCodec::make_entry(const FrameLayout& layout,
@@ -44,21 +27,15 @@ FrameCodec::Entry FrameCodec::make_entry(const FrameLayout& layout,
   if (!layout.counter_signal.empty())
     entry.counter = require_signal(entry.message, layout.counter_signal);
   const auto note = [&](const DbcSignal& signal) {
-    if (signal.multiplexing != DbcSignal::Multiplexing::kMultiplexed) return;
-    entry.needs_selector.push_back(signal);
+    if (signal.is_multiplexed()) entry.multiplexed.push_back(signal);
   };
   for (const DbcSignal& signal : entry.values) note(signal);
   if (entry.counter) note(*entry.counter);
   if (const FrameProtection* protection = layout.find_protection(message_name))
     entry.protection = *protection;
-  entry.empty = entry.message.empty_frame();
-  if (entry.needs_selector.empty()) return entry;
-  const auto selector_value = common_selector_value(entry.needs_selector);
-  if (entry.message.selector() == nullptr || !selector_value) {
-    throw UsageError("no frame of message " + message_name + " carries all its signals");
-  }
-  entry.selector = *entry.message.selector();
-  entry.selector->set_raw(entry.empty.data, static_cast<std::uint64_t>(*selector_value));
+  const std::optional<CanFrame> empty = entry.message.frame_for(entry.multiplexed);
+  if (!empty) throw UsageError("no frame of message " + message_name + " carries all its signals");
+  entry.empty = *empty;
   return entry;
 }
 
@@ -129,13 +106,6 @@ int FrameCodec::entry_of(const CanFrame& frame) const {
                                                                                : kNoEntry;
 }
 
-bool FrameCodec::is_complete(const Entry& entry, const CanFrame& frame) const {
-  if (!entry.selector) return true;
-  const auto selector = static_cast<std::int64_t>(entry.selector->raw(frame.bytes()));
-  return std::all_of(entry.needs_selector.begin(), entry.needs_selector.end(),
-                     [&](const DbcSignal& signal) { return signal.is_selected_by(selector); });
-}
-
 FrameCodec::Decoded FrameCodec::decode(const CanFrame& frame, std::vector<double>& values) const {
   Decoded decoded;
   const int index = entry_of(frame);
@@ -148,7 +118,10 @@ FrameCodec::Decoded FrameCodec::decode(const CanFrame& frame, std::vector<double
     return decoded;
   }
   const Entry& entry = messages_[static_cast<std::size_t>(index)];
-  if (!entry.message.matches(frame) || !is_complete(entry, frame)) return decoded;
+  const bool is_complete = std::ranges::all_of(entry.multiplexed, [&](const DbcSignal& signal) {
+    return entry.message.carries(signal, frame.bytes());
+  });
+  if (!entry.message.matches(frame) || !is_complete) return decoded;
   if (entry.protection && !entry.protection->is_sound(frame.bytes())) {
     decoded.kind = Kind::kWrongChecksum;
     return decoded;

@@ -111,13 +111,11 @@ class FrameCodec {
     std::vector<DbcSignal> values;
     std::optional<DbcSignal> counter;
     std::optional<FrameProtection> protection;
-    std::optional<DbcSignal> selector;      // of a multiplexed message whose signals need it
-    std::vector<DbcSignal> needs_selector;  // those of values and counter that are multiplexed
-    CanFrame empty;                         // selector set
+    std::vector<DbcSignal> multiplexed;  // those of values and counter
+    CanFrame empty;                      // their selectors set
   };
   static Entry make_entry(const FrameLayout& layout, const std::string& message_name);
   int entry_of(const CanFrame& frame) const;
-  bool is_complete(const Entry& entry, const CanFrame& frame) const;
 
   std::vector<Entry> messages_;
   std::vector<std::int32_t> entry_of_standard_;                            // by 11-bit identifier

@@ -172,7 +172,7 @@ class LayoutCheck {
     used.push_back(signal);
     const bool is_plain = signal->kind == DbcSignal::Kind::kUnsigned && signal->scale == 1.0 &&
                           signal->offset == 0.0 && signal->num_bits <= bits_max &&
-                          signal->multiplexing == DbcSignal::Multiplexing::kNone;
+                          !signal->is_selector && !signal->is_multiplexed();
     if (is_plain) return;
     map.problem(key, "'" + name + "' must be an unsigned integer of at most " +
                          std::to_string(bits_max) +
@@ -198,13 +198,10 @@ class LayoutCheck {
         used.push_back(counter);
       }
     }
-    const auto is_multiplexed = [](const DbcSignal* signal) {
-      return signal->multiplexing == DbcSignal::Multiplexing::kMultiplexed;
-    };
-    const DbcSignal* selector = message.selector();
-    if (selector != nullptr && std::any_of(used.begin(), used.end(), is_multiplexed) &&
-        std::find(used.begin(), used.end(), selector) == used.end()) {
-      used.push_back(selector);
+    for (std::size_t i = 0; i < used.size(); ++i) {  // it grows
+      const DbcSignal* selector = message.selector_of(*used[i]);
+      if (selector != nullptr && std::ranges::find(used, selector) == used.end())
+        used.push_back(selector);
     }
     const std::string overlapping = overlapping_signal(used, layout_.find_protection(message.name));
     if (overlapping.empty()) return;

@@ -9,13 +9,13 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <stdexcept>
 #include <utility>
 
 #include "common/clock.h"
 #include "common/errors.h"
 #include "drivers/can/datagram_batch.h"
+#include "drivers/serial_url.h"
 
 namespace holdfast {
 namespace {
@@ -37,14 +37,6 @@ constexpr std::array<std::pair<int, speed_t>, 11> kBauds = {{{9600, B9600},
 constexpr const char* kForm = "expected slcan:DEVICE[@BAUD][?bitrate=N][&fd_bitrate=N]";
 constexpr std::int64_t kRetry_ns = 250'000'000, kSetUp_ns = 1'000'000'000;
 constexpr std::size_t kReceivedMax = 1024;  // frames that are taken from the device at once
-
-int number_of(const std::string& url, std::string_view text) {
-  int value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size())
-    throw UsageError(url + ": '" + std::string(text) + "' is no number; " + kForm);
-  return value;
-}
 
 speed_t speed_of(const std::string& url, int baud) {
   std::string known;
@@ -68,27 +60,18 @@ std::string set_up_commands(const SlcanUrl& url, bool may_write) {
 
 SlcanUrl SlcanUrl::parse(const std::string& url) {
   constexpr std::string_view kScheme = "slcan:";
+  const SerialUrl line = SerialUrl::parse(url, std::string_view(url).substr(kScheme.size()), kForm);
   SlcanUrl parsed;
-  std::string_view rest = std::string_view(url).substr(kScheme.size());
-  const std::size_t question = rest.find('?');
-  std::string_view options = question == rest.npos ? "" : rest.substr(question + 1);
-  rest = rest.substr(0, question);
-  const std::size_t at = rest.rfind('@');
-  if (at != rest.npos) parsed.baud = number_of(url, rest.substr(at + 1));
-  parsed.device = rest.substr(0, at);
-  if (parsed.device.empty()) throw UsageError(url + ": names no device; " + kForm);
+  parsed.device = line.device;
+  parsed.baud = line.baud.value_or(parsed.baud);
   speed_of(url, parsed.baud);
-  while (!options.empty()) {
-    const std::string_view option = options.substr(0, options.find('&'));
-    options.remove_prefix(std::min(options.size(), option.size() + 1));
-    const std::string_view key = option.substr(0, option.find('='));
-    const std::string_view value = option.substr(std::min(option.size(), key.size() + 1));
+  for (const auto& [key, value] : line.options) {
     if (key == "bitrate") {
-      parsed.bitrate = number_of(url, value);
+      parsed.bitrate = serial_number_of(url, value, kForm);
     } else if (key == "fd_bitrate") {
-      parsed.fd_bitrate = number_of(url, value);
+      parsed.fd_bitrate = serial_number_of(url, value, kForm);
     } else {
-      throw UsageError(url + ": there is no option '" + std::string(key) + "'; " + kForm);
+      throw UsageError(url + ": there is no option '" + key + "'; " + kForm);
     }
   }
   if (std::find(kBitrates.begin(), kBitrates.end(), parsed.bitrate) == kBitrates.end())

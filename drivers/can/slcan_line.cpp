@@ -60,10 +60,14 @@ bool parse_frame(std::string_view text, CanFrame& frame) {
   if (!(is_remote && text.empty()) && !take_hex(text, 1, code)) return false;
   if (!read.has(CanFrame::kFd) && code > 8) return false;
   read.num_bytes = kFrameLengths[code];
-  for (std::size_t i = 0; i < read.bytes().size(); ++i) {
+  // A remote frame has no bytes, but slcanpty writes as many as its length says.
+  const std::size_t num_written = read.num_bytes;
+  const bool has_odd_bytes =
+      is_remote && text.size() >= 2 * num_written && text.size() != kStampDigits;
+  for (std::size_t i = 0; i < (has_odd_bytes ? num_written : read.bytes().size()); ++i) {
     std::uint32_t byte = 0;
     if (!take_hex(text, 2, byte)) return false;
-    read.data[i] = static_cast<std::uint8_t>(byte);
+    if (!is_remote) read.data[i] = static_cast<std::uint8_t>(byte);
   }
   std::uint32_t stamp = 0;
   if (!text.empty() && (!take_hex(text, kStampDigits, stamp) || !text.empty())) return false;

@@ -87,7 +87,7 @@ class SocketCanBus : public CanBus {
   bool at_end_ = false;
   bool is_lingering_ = false;  // the socket is out of wake_: a frame then wakes one waiter, not two
   bool told_mtu_ = false;
-  static constexpr int kSinglesMax = 15;
+  static constexpr int kSinglesMax = 63;
   int singles_left_ = 0;
   std::string last_error_text_;
   ReceiveBatch received_;

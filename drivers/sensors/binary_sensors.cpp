@@ -55,6 +55,15 @@ void read_j1939(ConfigurationMap map, BinarySensor& sensor) {
                 " bit " + std::to_string(sensor.start_bit);
 }
 
+void read_modbus(ConfigurationMap map, BinarySensor& sensor) {
+  sensor.protocol = BinarySensor::Protocol::kModbus;
+  map.require("unit");
+  map.read("unit", sensor.unit, {1.0, 247.0});
+  map.require("input");
+  map.read("input", sensor.address, {0.0, 65535.0});
+  sensor.name = "unit " + std::to_string(sensor.unit) + " input " + std::to_string(sensor.address);
+}
+
 void read_dbc(ConfigurationMap map, const Dbc& dbc, BinarySensor& sensor) {
   map.require("message");
   map.read("message", sensor.message);
@@ -70,20 +79,24 @@ void read_dbc(ConfigurationMap map, const Dbc& dbc, BinarySensor& sensor) {
     map.problem("signal", "message '" + sensor.message + "' has no signal '" + sensor.signal + "'");
   } else if (signal->kind != DbcSignal::Kind::kUnsigned) {
     map.problem("signal", "'" + sensor.signal + "' must be unsigned to be 0 or 1");
+  } else if (!message->frame_for({*signal})) {
+    map.problem("signal", "no frame of message '" + sensor.message + "' carries '" + sensor.signal +
+                              "': its selector cannot say so");
   }
 }
 
 BinarySensor read_sensor(ConfigurationMap& map, const Dbc& dbc) {
   BinarySensor sensor;
-  int num_protocols = 0;
-  for (const char* key : {"canopen", "j1939", "dbc"}) num_protocols += map.has(key) ? 1 : 0;
-  if (num_protocols != 1) {
-    map.problem("canopen", "a sensor has one of: canopen, j1939, dbc");
-    for (const char* key : {"canopen", "j1939", "dbc"}) map.raw(key);
+  constexpr std::array kProtocols = {"canopen", "j1939", "dbc", "modbus"};
+  if (std::ranges::count_if(kProtocols, [&](const char* key) { return map.has(key); }) != 1) {
+    map.problem("canopen", "a sensor has one of: canopen, j1939, dbc, modbus");
+    for (const char* key : kProtocols) map.raw(key);
   } else if (map.has("canopen")) {
     read_canopen(map.map("canopen"), sensor);
   } else if (map.has("j1939")) {
     read_j1939(map.map("j1939"), sensor);
+  } else if (map.has("modbus")) {
+    read_modbus(map.map("modbus"), sensor);
   } else {
     read_dbc(map.map("dbc"), dbc, sensor);
   }
@@ -122,6 +135,11 @@ Spot spot_of(const BinarySensor& sensor, const Dbc& dbc) {
       signal.start_bit = sensor.start_bit;
       signal.num_bits = 2;
       break;
+    case BinarySensor::Protocol::kModbus:
+      spot.key = sensor.identifier;
+      signal.start_bit = sensor.start_bit;
+      signal.num_bits = 2;
+      break;
     case BinarySensor::Protocol::kDbc: {
       const DbcMessage* message = dbc.find(sensor.message);
       spot.signal = message == nullptr ? nullptr : message->find(sensor.signal);
@@ -137,27 +155,48 @@ Spot spot_of(const BinarySensor& sensor, const Dbc& dbc) {
 
 // Why two cannot stand side by side; empty when they can.
 std::string conflict_of(const BinarySensor& a, const BinarySensor& b, const Dbc& dbc) {
+  const auto is_unit = [](const BinarySensor& sensor) {
+    return sensor.protocol == BinarySensor::Protocol::kModbus;
+  };
+  if (is_unit(a) && is_unit(b) && a.unit == b.unit && a.address == b.address)
+    return "reads the input of another sensor";
   const Spot one = spot_of(a, dbc), other = spot_of(b, dbc);
   if (one.key == 0 || one.key != other.key) return "";
   if (a.protocol != b.protocol) return "stands in a frame of another protocol's sensor";
   if ((one.instance < 0) != (other.instance < 0))
     return "stands in the frames of a sensor that says its instance: say it for both";
   if (one.instance != other.instance) return "";
-  // Signals of which the multiplexer selects one may share bits.
-  const auto is_selected = [](const Spot& spot) {
-    return spot.signal != nullptr &&
-           spot.signal->multiplexing == DbcSignal::Multiplexing::kMultiplexed;
-  };
-  if (is_selected(one) && is_selected(other) && one.signal != other.signal &&
-      !other.signal->is_selected_by(one.signal->selector_value))
+  bool shares_bits = false;
+  for (std::size_t i = 0; i < one.bits.size(); ++i)
+    shares_bits = shares_bits || (one.bits[i] & other.bits[i]) != 0;
+  if (!shares_bits) return "";
+  // Signals that no frame carries together may.
+  if (one.signal != nullptr && a.message == b.message &&
+      !dbc.find(a.message)->frame_for({*one.signal, *other.signal}))
     return "";
-  for (std::size_t i = 0; i < one.bits.size(); ++i) {
-    if ((one.bits[i] & other.bits[i]) != 0) return "shares bits with another sensor";
-  }
-  return "";
+  return "shares bits with another sensor";
+}
+
+// Where a gateway's frame holds the state: behind those of the unit's sensors before it.
+void place_in_frame(const BinarySensors& sensors, ConfigurationMap& entry, BinarySensor& sensor) {
+  constexpr std::int64_t kStatesMost = 32;
+  if (sensor.protocol != BinarySensor::Protocol::kModbus) return;
+  const auto num_before = std::ranges::count_if(sensors.list, [&](const BinarySensor& other) {
+    return other.protocol == sensor.protocol && other.unit == sensor.unit;
+  });
+  if (num_before >= kStatesMost)
+    entry.problem("modbus", "a unit has at most 32 sensors, which one frame can tell");
+  sensor.start_bit = static_cast<int>(2 * std::min(num_before, kStatesMost - 1));
+  sensor.identifier = static_cast<std::uint32_t>(sensors.modbus_identifier + sensor.unit);
 }
 
 }  // namespace
+
+bool BinarySensors::have_units() const {
+  return std::ranges::any_of(list, [](const BinarySensor& sensor) {
+    return sensor.protocol == BinarySensor::Protocol::kModbus;
+  });
+}
 
 bool BinarySensors::have_way_back() const {
   const bool has_nodes = std::ranges::any_of(list, [](const BinarySensor& sensor) {
@@ -168,8 +207,12 @@ bool BinarySensors::have_way_back() const {
 
 void BinarySensors::read(ConfigurationMap& map, const Dbc& dbc) {
   std::set<std::string> names;
+  ConfigurationMap options = map.map("sensor_options");
+  options.read("modbus_identifier", modbus_identifier, {0.0, 0x7FF - 247});
+  options.read("modbus_timeout_s", modbus_timeout_s, {0.001, 60.0});
   for (ConfigurationMap& entry : map.maps("sensors")) {
     BinarySensor sensor = read_sensor(entry, dbc);
+    place_in_frame(*this, entry, sensor);
     if (!sensor.name.empty() && !names.insert(sensor.name).second)
       entry.problem("name", "'" + sensor.name + "' is taken");
     for (const BinarySensor& other : list) {
@@ -181,7 +224,6 @@ void BinarySensors::read(ConfigurationMap& map, const Dbc& dbc) {
     list.push_back(std::move(sensor));
   }
   if (list.empty()) map.problem("sensors", "at least one sensor is needed");
-  ConfigurationMap options = map.map("sensor_options");
   options.read("timeout_steps", timeout_steps, {1.0, 1e6});
   options.read("starts_nodes", starts_nodes);
   options.read("guards_nodes", guards_nodes);

@@ -11,7 +11,7 @@ namespace holdfast {
 
 /// Where the bit of one binary sensor stands on a bus that its makers laid out.
 struct BinarySensor {
-  enum class Protocol { kCanopen, kJ1939, kDbc };
+  enum class Protocol { kCanopen, kJ1939, kDbc, kModbus };
 
   std::string name;
   Protocol protocol = Protocol::kDbc;
@@ -23,6 +23,10 @@ struct BinarySensor {
   int instance = -1;            // what byte 0 must hold; -1: anything
   int start_bit = 0;            // 0..62
   std::string message, signal;  // DBC
+  // Modbus: 1..247, 0..65535. A gateway tells all states of a unit in one frame with this
+  // identifier, two bits each, this one from start_bit on.
+  int unit = 1, address = 0;
+  std::uint32_t identifier = 0;
 };
 
 /// Steps in which what a sensor hangs on says nothing: pulled out, and put back.
@@ -40,6 +44,9 @@ struct BinarySensors {
   bool starts_nodes = true;       // sends NMT start to nodes that are not operational
   bool guards_nodes = false;      // asks nodes for their state by remote frames, in each step
   bool heeds_emergencies = true;  // inputs of a node in emergency are invalid
+  // Modbus, the gateway.
+  std::int64_t modbus_identifier = 0x500;  // a unit's frame has this and its number
+  double modbus_timeout_s = 0.1;           // that a unit may take for its answer
   // Simulated sensors.
   bool nodes_start_themselves = true;  // CANopen: operational after boot-up without being told
   std::int64_t heartbeat_steps = 1;    // CANopen: between heartbeats; 0: none, nodes are guarded
@@ -47,6 +54,7 @@ struct BinarySensors {
   std::vector<SensorOutage> outages;
 
   bool exist() const { return !list.empty(); }
+  bool have_units() const;  // of Modbus
   /// True when frames go from the driver to the sensors.
   bool have_way_back() const;
 

@@ -1,33 +1,30 @@
 #include "drivers/sensors/periodic_group.h"
 
 #include <algorithm>
-#include <span>
+#include <optional>
 
 namespace holdfast {
-namespace {
-
-constexpr std::uint64_t kFaulty = 2;
-
-bool is_selected(const DbcSignal& signal) {
-  return signal.multiplexing == DbcSignal::Multiplexing::kMultiplexed;
-}
-
-}  // namespace
-
 PeriodicGroup::PeriodicGroup(const BinarySensor& first, const Dbc& dbc, std::int64_t timeout_steps)
     : first_(first), timeout_steps_(timeout_steps) {
   if (first.protocol == BinarySensor::Protocol::kDbc) {
     message_ = require_message(dbc, first.message);
+    empty_ = message_.empty_frame();
     return;
   }
-  message_.identifier = j1939_identifier(first.group_number, first.source_address);
-  message_.is_extended = true;
+  message_.is_extended = first.protocol == BinarySensor::Protocol::kJ1939;
+  message_.identifier = message_.is_extended
+                            ? j1939_identifier(first.group_number, first.source_address)
+                            : first.identifier;
   message_.num_bytes = 8;
+  empty_ = message_.empty_frame();
+  std::fill_n(empty_.data.begin(), empty_.num_bytes, std::uint8_t{0xFF});
+  if (first.instance >= 0) empty_.data[0] = static_cast<std::uint8_t>(first.instance);
 }
 
 bool PeriodicGroup::holds(const BinarySensor& sensor) const {
   if (sensor.protocol != first_.protocol) return false;
   if (sensor.protocol == BinarySensor::Protocol::kDbc) return sensor.message == first_.message;
+  if (sensor.protocol == BinarySensor::Protocol::kModbus) return sensor.unit == first_.unit;
   return sensor.group_number == first_.group_number &&
          sensor.source_address == first_.source_address && sensor.instance == first_.instance;
 }
@@ -40,17 +37,17 @@ std::size_t PeriodicGroup::add(const BinarySensor& sensor) {
     signal.start_bit = sensor.start_bit;
     signal.num_bits = 2;
   }
-  if (is_selected(signal)) {
-    const auto& ranges = signal.selector_ranges;
-    const std::int64_t value = ranges.empty() ? signal.selector_value : ranges.front().first;
-    if (std::ranges::find(selected_, value) == selected_.end()) selected_.push_back(value);
+  if (signal.is_multiplexed()) {
+    const std::optional<CanFrame> frame = message_.frame_for({signal});
+    const auto is_same = [&](const CanFrame& other) { return frame->same_on_wire(other); };
+    if (frame && std::ranges::none_of(selections_, is_same)) selections_.push_back(*frame);
   }
   states_.push_back({signal});
   return states_.size() - 1;
 }
 
 bool PeriodicGroup::is_one(const CanFrame& frame) const {
-  if (first_.protocol == BinarySensor::Protocol::kDbc)
+  if (first_.protocol != BinarySensor::Protocol::kJ1939)
     return frame.identifier == message_.identifier &&
            frame.has(CanFrame::kExtended) == message_.is_extended;
   // Priority is for the bus, destination for whom it is sent to: neither says what it is.
@@ -88,31 +85,25 @@ InvalidReason PeriodicGroup::reason(std::size_t place, std::int64_t step) const 
   if (step - last_step_ >= timeout_steps_) return InvalidReason::kSilent;
   const State& state = states_[place];
   if (!state.is_told) return InvalidReason::kNotAvailable;
-  if (state.raw < kFaulty) return InvalidReason::kNone;
+  if (state.raw < kError) return InvalidReason::kNone;
   const std::uint64_t all_ones =
       state.signal.num_bits >= 64 ? UINT64_MAX : (std::uint64_t{1} << state.signal.num_bits) - 1;
   return state.raw == all_ones ? InvalidReason::kNotAvailable : InvalidReason::kError;
 }
 
-void PeriodicGroup::encode(const std::vector<bool>& states, std::vector<CanFrame>& frames) const {
-  const auto append = [&](std::int64_t value) {
-    CanFrame frame = message_.empty_frame();
-    const std::span<std::uint8_t> data(frame.data.data(), frame.num_bytes);
-    if (first_.protocol == BinarySensor::Protocol::kJ1939) {
-      std::fill_n(frame.data.begin(), frame.num_bytes, std::uint8_t{0xFF});
-      if (first_.instance >= 0) frame.data[0] = static_cast<std::uint8_t>(first_.instance);
-    }
-    if (const DbcSignal* selector = message_.selector())
-      selector->set_raw(data, static_cast<std::uint64_t>(value));
+void PeriodicGroup::encode(std::span<const std::uint8_t> states,
+                           std::vector<CanFrame>& frames) const {
+  const auto append = [&](const CanFrame& selection) {
+    CanFrame frame = selection;
     for (std::size_t i = 0; i < states_.size(); ++i) {
       const DbcSignal& signal = states_[i].signal;
-      if (!is_selected(signal) || signal.is_selected_by(value))
-        signal.set_raw(data, states[i] ? 1 : 0);
+      if (message_.carries(signal, selection.bytes()))
+        signal.set_raw({frame.data.data(), frame.num_bytes}, states[i]);
     }
     frames.push_back(frame);
   };
-  if (selected_.empty()) append(0);
-  for (const std::int64_t value : selected_) append(value);
+  if (selections_.empty()) append(empty_);
+  for (const CanFrame& selection : selections_) append(selection);
 }
 
 }  // namespace holdfast

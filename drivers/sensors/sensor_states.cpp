@@ -10,6 +10,11 @@ bool is_node(const BinarySensor& sensor) {
   return sensor.protocol == BinarySensor::Protocol::kCanopen;
 }
 
+// Its gateway still speaks when the sensor does not.
+bool is_behind_gateway(const BinarySensor& sensor) {
+  return sensor.protocol == BinarySensor::Protocol::kModbus;
+}
+
 // The group of the sensor, a new one where there is none yet.
 std::size_t group_of(const BinarySensor& sensor, const Dbc& dbc, std::int64_t timeout_steps,
                      std::vector<PeriodicGroup>& groups) {
@@ -140,11 +145,14 @@ void SensorTwins::step(std::int64_t step, const std::vector<std::vector<double>>
     for (std::size_t i = 0; i < device.sensors.size(); ++i) {
       const std::size_t sensor = device.sensors[i];
       const bool state = wire_state(sensors_.list[sensor], readings[sensor].front() != 0.0);
-      states_.push_back(state);
+      states_.push_back(state ? 1 : 0);
       if (device.node >= 0 && state) inputs |= std::uint64_t{1} << device.inputs[i];
     }
     if (device.node >= 0) {
       nodes_[static_cast<std::size_t>(device.node)].step(inputs, silent, frames);
+    } else if (silent && is_behind_gateway(sensors_.list[device.sensors.front()])) {
+      std::ranges::fill(states_, PeriodicGroup::kNotAvailable);
+      groups_[device.group].encode(states_, frames);
     } else if (!silent) {
       groups_[device.group].encode(states_, frames);
     }

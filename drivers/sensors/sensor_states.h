@@ -69,7 +69,7 @@ class SensorTwins {
   std::vector<Device> devices_;
   std::vector<CanopenDevice> nodes_;
   std::vector<PeriodicGroup> groups_;
-  std::vector<bool> states_;
+  std::vector<std::uint8_t> states_;
 };
 
 /// True for a frame that goes from a driver to such sensors.

@@ -175,6 +175,16 @@ TEST_CASE("a signal must be in every message that was named, and in one of those
       "message 'Mux' has no signal 'DETECT'"));
 }
 
+TEST_CASE("signals of a rule that no frame carries together are a problem") {
+  const auto problem = [](const std::string& messages, const std::string& signals) {
+    return problems_of("attacks: [{name: a, match: {messages: [" + messages +
+                       "]}, action: freeze, signals: [" + signals + "]}]");
+  };
+  CHECK(problem("Nested", "DEEP, DEEPER, PART") == "");
+  CHECK(says(problem("Nested", "TOP, DEEP"), "no frame of message 'Nested' carries all of them"));
+  CHECK(says(problem("Mux", "A, B"), "no frame of message 'Mux' carries all of them"));
+}
+
 TEST_CASE("a window counts both ends, in steps and in seconds, whatever the binary rounding") {
   StepWindow window;
   window.from_s = 0.3;

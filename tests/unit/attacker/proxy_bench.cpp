@@ -30,6 +30,13 @@ BO_ 304 Mux: 4 Node
  SG_ A m1 : 8|8@1+ (1,0) [0|255] "" Node
  SG_ B m2 : 8|8@1+ (1,0) [0|255] "" Node
 
+BO_ 336 Nested: 4 Gate
+ SG_ PAGE M : 0|4@1+ (1,0) [0|15] "" Node
+ SG_ PART m1M : 4|4@1+ (1,0) [0|15] "" Node
+ SG_ DEEP m2 : 8|8@1+ (1,0) [0|255] "" Node
+ SG_ DEEPER m3 : 16|8@1+ (1,0) [0|255] "" Node
+ SG_ TOP m0 : 8|8@1+ (1,0) [0|255] "" Node
+
 BO_ 2566848513 Wide: 8 Node
  SG_ STATE : 0|2@1+ (1,0) [0|3] "" Node
  SG_ STEP : 8|16@1+ (1,0) [0|65535] "" Node
@@ -42,6 +49,8 @@ BO_ 320 Pair: 10 Other
 BO_ 2032 StepTick: 2 Node
  SG_ STEP : 0|16@1+ (1,0) [0|65535] "" Node
 
+SG_MUL_VAL_ 336 DEEP PART 2-3;
+SG_MUL_VAL_ 336 DEEPER PART 3-3;
 SIG_VALTYPE_ 288 LEVEL : 1;
 SIG_VALTYPE_ 320 LEFT : 1;
 SIG_VALTYPE_ 320 RIGHT : 1;

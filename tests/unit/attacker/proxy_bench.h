@@ -9,9 +9,10 @@
 
 namespace holdfast::test {
 
-/// Seven messages: Flag1..Flag3 (0x101..0x103: DETECT 1 bit, STEP 16 bits), Level (0x120: LEVEL
+/// Eight messages: Flag1..Flag3 (0x101..0x103: DETECT 1 bit, STEP 16 bits), Level (0x120: LEVEL
 /// float, STEP), Wide (29 bits, 0x18FF0001: STATE, STEP), Mux (0x130: WHICH, A when 1, B when 2),
-/// Pair (0x140, FD: LEFT and RIGHT float, STEP), and the tick (0x7F0: STEP, 16 bits).
+/// Pair (0x140, FD: LEFT and RIGHT float, STEP), Nested (0x150: PAGE, TOP when 0, PART when 1; DEEP
+/// when that is 2 or 3, DEEPER when 3), and the tick (0x7F0: STEP, 16 bits).
 FrameLayout test_layout();
 
 /// YAML text of one rule, r, on the message Pair.

@@ -1,6 +1,7 @@
 #include "attacker/proxy_core.h"
 
 #include <cmath>
+#include <tuple>
 
 #include "tests/support/catch.h"
 #include "tests/unit/attacker/proxy_bench.h"
@@ -239,6 +240,33 @@ TEST_CASE("a multiplexed signal is only touched where the selector carries it") 
                                    {tick(1)});
   CHECK(value_of(forged.sent.at(0), "WHICH") == 2.0);
   CHECK(value_of(forged.sent.at(0), "B") == 9.0);
+}
+
+TEST_CASE("a nested signal is only touched and compared where all selectors above it carry it") {
+  const auto nested = [](std::uint8_t page, std::uint8_t part) {
+    CanFrame frame = reading("Nested", 0, "DEEP", 10);
+    frame.data[0] = static_cast<std::uint8_t>(page | part << 4);
+    return frame;
+  };
+  const std::string on_nested = "attacks: [{name: s, match: {messages: [Nested]";
+  const std::string changes = "}, action: substitute, signal: DEEP, value: {value: 77}}]";
+  const std::string compares = ", signal: DEEP, at_least: 9}, action: drop}]";
+  for (const auto& [page, part, is_there] :
+       {std::tuple{1, 2, true}, {1, 3, true}, {1, 0, false}, {0, 2, false}, {2, 3, false}}) {
+    const CanFrame frame = nested(static_cast<std::uint8_t>(page), static_cast<std::uint8_t>(part));
+    const Outcome changed = run_proxy(rules_of(on_nested + changes), {frame});
+    CHECK(changed.sent.at(0).same_on_wire(frame) == !is_there);
+    CHECK(value_of(changed.sent.at(0), "DEEP") == (is_there ? 77.0 : 10.0));
+    CHECK(run_proxy(rules_of(on_nested + compares), {frame}).sent.empty() == is_there);
+  }
+  // A forged frame sets all of the selectors, to what all of its signals need.
+  const Outcome forged = run_proxy(
+      rules_of(on_nested + "}, action: inject, signals: [DEEP, DEEPER], value: {value: [9, 8]}}]"),
+      {tick(1)});
+  CHECK(value_of(forged.sent.at(0), "PAGE") == 1.0);
+  CHECK(value_of(forged.sent.at(0), "PART") == 3.0);
+  CHECK(value_of(forged.sent.at(0), "DEEP") == 9.0);
+  CHECK(value_of(forged.sent.at(0), "DEEPER") == 8.0);
 }
 
 TEST_CASE("29-bit identifiers are matched by name, by mask, and never by an 11-bit rule") {

@@ -69,6 +69,12 @@ TEST_CASE(
   CHECK(parse_slcan_line("r123", frame) == SlcanLine::kFrame);
   CHECK(frame.same_on_wire(remote_of(0x123, 0, 0)));
   CHECK(parse_slcan_line("t12310a", frame) == SlcanLine::kFrame);  // lower case
+  // Bytes behind a remote frame, as can-utils' slcanpty writes them, stamps, and both.
+  for (const char* line : {"r12381122334455667788", "r1238EA5F", "r12381122334455667788EA5F"}) {
+    INFO(line);
+    CHECK(parse_slcan_line(line, frame) == SlcanLine::kFrame);
+    CHECK(frame.same_on_wire(remote_of(0x123, 0, 8)));
+  }
   for (const char* line : {"", "z", "Z"})
     CHECK(parse_slcan_line(line, frame) == SlcanLine::kAcknowledged);
   CHECK(parse_slcan_line("sb255000", frame) == SlcanLine::kBusState);
@@ -76,9 +82,9 @@ TEST_CASE(
   for (const char* line : {"V1013", "NA123", "F00"})
     CHECK(parse_slcan_line(line, frame) == SlcanLine::kAnswer);
   frame = frame_of(0x77, 0, {9});
-  for (const char* line :
-       {"t", "t12", "t1239", "t12391122334455667788FF", "t8000", "t1232DE", "t1232DEADE",
-        "T1232DEAD", "TFFFFFFFF0", "tG230", "x123", "s", "sx", "e", "r123A", "d123G", "t123-1"}) {
+  for (const char* line : {"t", "t12", "t1239", "t12391122334455667788FF", "t8000", "t1232DE",
+                           "t1232DEADE", "T1232DEAD", "TFFFFFFFF0", "tG230", "x123", "s", "sx", "e",
+                           "r123A", "r123811", "r12311G", "d123G", "t123-1"}) {
     INFO(line);
     CHECK(parse_slcan_line(line, frame) == SlcanLine::kBroken);
     CHECK(frame.same_on_wire(frame_of(0x77, 0, {9})));

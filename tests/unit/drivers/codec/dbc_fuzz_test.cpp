@@ -1,4 +1,5 @@
 #include <cmath>
+#include <optional>
 #include <random>
 #include <set>
 
@@ -8,6 +9,17 @@
 
 namespace holdfast {
 namespace {
+
+// Ends, since no selector is met twice.
+int num_selectors_above(const DbcMessage& message, const DbcSignal& signal) {
+  int count = 0;
+  for (const DbcSignal* at = message.selector_of(signal); at != nullptr;) {
+    REQUIRE(at->is_selector);
+    REQUIRE(++count <= static_cast<int>(message.signals.size()));
+    at = message.selector_of(*at);
+  }
+  return count;
+}
 
 // What holds for every result, whatever the bytes were; uses each signal, so that a sanitizer sees
 // an access outside.
@@ -25,6 +37,9 @@ void check_invariants(const Dbc& dbc) {
       signal.pack({frame.data.data(), frame.num_bytes}, 1.0);
       signal.unpack(frame.bytes());
       message.carries(signal, frame.bytes());
+      const std::optional<CanFrame> with_signal = message.frame_for({signal});
+      if (with_signal) REQUIRE(message.carries(signal, with_signal->bytes()));
+      REQUIRE(with_signal.has_value() + num_selectors_above(message, signal) > 0);
     }
   }
   int line = 1;
@@ -45,6 +60,7 @@ std::string mutated(std::string text, std::mt19937& generator) {
                                        "CM_ \"",
                                        "M",
                                        "m0",
+                                       "m1M",
                                        "@",
                                        "|",
                                        "-1",
@@ -86,9 +102,11 @@ std::string mutated(std::string text, std::mt19937& generator) {
 TEST_CASE("no bytes make the DBC reader throw or give a signal outside its message") {
   const std::string awkward = testing::file_text("tests/support/dbc_files/awkward.dbc");
   REQUIRE(awkward.size() > 1000);
+  const std::string nested = testing::file_text("tests/support/dbc_files/nested.dbc");
   std::mt19937 generator(1);
   std::size_t num_kept = 0, num_problems = 0;
   for (int round = 0; round < 3000; ++round) {
+    check_invariants(parse_dbc(mutated(nested, generator)));
     const Dbc dbc = parse_dbc(mutated(awkward, generator));
     check_invariants(dbc);
     num_kept += dbc.messages.size();

@@ -55,53 +55,6 @@ TEST_CASE("bit 31 of the identifier marks a 29-bit one") {
   CHECK_FALSE(dbc.messages[0].matches(frame));
 }
 
-TEST_CASE("multiplexed signals are there when the selector says so") {
-  const Dbc dbc = parse_dbc(
-      "BO_ 5 Mixed: 8 A\n"
-      " SG_ Which M : 0|8@1+ (1,0) [0|0] \"\" B\n"
-      " SG_ One m1 : 8|8@1+ (1,0) [0|0] \"\" B\n"
-      " SG_ Two m2 : 8|16@1+ (1,0) [0|0] \"\" B\n"
-      " SG_ Many m4 : 32|8@1+ (1,0) [0|0] \"\" B\n"
-      " SG_ Always : 56|8@1+ (1,0) [0|0] \"\" B\n"
-      "SG_MUL_VAL_ 5 Many Which 4-6, 9-9;\n");
-  CHECK(dbc.problems.empty());
-  const DbcMessage& message = dbc.messages.at(0);
-  REQUIRE(message.selector() == message.find("Which"));
-  const auto carried = [&](std::uint8_t selector) {
-    const std::vector<std::uint8_t> data = {selector, 0, 0, 0, 0, 0, 0, 0};
-    std::string names;
-    for (const DbcSignal& signal : message.signals) {
-      if (message.carries(signal, data)) names += signal.name + " ";
-    }
-    return names;
-  };
-  CHECK(carried(0) == "Which Always ");
-  CHECK(carried(1) == "Which One Always ");
-  CHECK(carried(2) == "Which Two Always ");
-  CHECK(carried(4) == "Which Many Always ");
-  CHECK(carried(6) == "Which Many Always ");
-  CHECK(carried(7) == "Which Always ");
-  CHECK(carried(9) == "Which Many Always ");
-}
-
-TEST_CASE("multiplexing that cannot be told is left out, the rest stays") {
-  const Dbc none = parse_dbc(
-      "BO_ 5 X: 8 A\n SG_ a m1 : 0|8@1+ (1,0) [0|0] \"\" B\n SG_ b : 8|8@1+ (1,0) [0|0] \"\" B\n");
-  REQUIRE(none.problems.size() == 1);
-  CHECK(none.problems[0].line == 2);
-  CHECK(none.messages.at(0).signals.size() == 1);
-  const Dbc nested = parse_dbc(
-      "BO_ 5 X: 8 A\n SG_ S M : 0|8@1+ (1,0) [0|0] \"\" B\n SG_ T m1M : 8|8@1+ (1,0) [0|0] \"\" B\n"
-      " SG_ u m3 : 16|8@1+ (1,0) [0|0] \"\" B\nSG_MUL_VAL_ 5 T S 1-1;\nSG_MUL_VAL_ 5 u T 3-3;\n");
-  REQUIRE(nested.problems.size() == 1);
-  CHECK(nested.problems[0].line == 4);
-  CHECK(nested.messages.at(0).signals.size() == 2);
-  const Dbc two = parse_dbc(
-      "BO_ 5 X: 8 A\n SG_ S M : 0|8@1+ (1,0) [0|0] \"\" B\n SG_ T M : 8|8@1+ (1,0) [0|0] \"\" B\n");
-  CHECK(two.problems.size() == 1);
-  CHECK(two.messages.at(0).signals.size() == 1);
-}
-
 TEST_CASE("SIG_VALTYPE_ makes floats of the right width") {
   const Dbc dbc = parse_dbc(
       "BO_ 1 M: 24 A\n SG_ f : 0|32@1- (1,0) [0|0] \"\" B\n SG_ d : 71|64@0- (1,0) [0|0] \"\" B\n"

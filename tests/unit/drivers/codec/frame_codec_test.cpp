@@ -161,6 +161,28 @@ TEST_CASE("a multiplexed reading counts only while its signals are selected") {
   CHECK_THROWS_AS(FrameCodec(layout), UsageError);
 }
 
+TEST_CASE("a nested reading counts only while all selectors above it say so") {
+  FrameLayout layout;
+  layout.dbc = parse_dbc(
+      "BO_ 1 Nested: 4 A\n SG_ PAGE M : 0|4@1+ (1,0) [0|0] \"\" M\n"
+      " SG_ PART m2M : 4|4@1+ (1,0) [0|0] \"\" M\n SG_ A m5 : 8|8@1+ (1,0) [0|0] \"\" M\n"
+      " SG_ B m2 : 16|8@1+ (1,0) [0|0] \"\" M\n SG_ C m3 : 8|8@1+ (1,0) [0|0] \"\" M\n"
+      "BO_ 2032 StepTick: 4 A\n SG_ STEP : 0|32@1+ (1,0) [0|0] \"\" M\n"
+      "SG_MUL_VAL_ 1 A PART 5-6;\n");
+  REQUIRE(layout.dbc.problems.empty());
+  layout.messages = {"Nested"};
+  layout.signals = {"A", "B"};
+  const FrameCodec codec(layout);
+  CHECK(codec.encode(0, std::vector<double>{9.0, 8.0}, 1)
+            .same_on_wire(frame_of(1, 0, {0x52, 9, 8, 0})));
+  CHECK(kind_of(codec, frame_of(1, 0, {0x62, 9, 8, 0})) == FrameKind::kReading);
+  CHECK(kind_of(codec, frame_of(1, 0, {0x42, 9, 8, 0})) == FrameKind::kWrongFormat);
+  // The inner selector would say so, but is not there itself.
+  CHECK(kind_of(codec, frame_of(1, 0, {0x53, 9, 8, 0})) == FrameKind::kWrongFormat);
+  layout.signals = {"A", "C"};
+  CHECK_THROWS_AS(FrameCodec(layout), UsageError);
+}
+
 TEST_CASE("a layout made by hand with names that the DBC lacks is refused") {
   FrameLayout layout = small_layout();
   layout.signals = {"NONE"};

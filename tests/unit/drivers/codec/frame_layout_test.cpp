@@ -107,6 +107,21 @@ TEST_CASE("wrong names are problems that say what there is") {
              "at least one message"));
 }
 
+TEST_CASE("the bits of every selector above a signal are in use") {
+  const std::string dbc =
+      "  dbc_text: |\n    BO_ 1 M: 8 A\n     SG_ PAGE M : 0|4@1+ (1,0) [0|0] \"\" B\n"
+      "     SG_ PART m1M : 4|4@1+ (1,0) [0|0] \"\" B\n     SG_ DEEP m2 : 8|8@1+ (1,0) [0|0] \"\" "
+      "B\n"
+      "     SG_ COUNT : 3|8@1+ (1,0) [0|0] \"\" B\n     SG_ WIDE m2 : 6|8@1+ (1,0) [0|0] \"\" B\n"
+      "    BO_ 2032 StepTick: 4 A\n     SG_ STEP : 0|32@1+ (1,0) [0|0] \"\" B\n"
+      "    SG_MUL_VAL_ 1 DEEP PART 2-2;\n    SG_MUL_VAL_ 1 WIDE PART 2-2;\n  messages: [M]\n";
+  FrameLayout good, page, part;
+  CHECK(problems_of(network(dbc + "  signals: [DEEP]\n"), good) == "");
+  CHECK(says(problems_of(network(dbc + "  signals: [DEEP]\n  counter_signal: COUNT\n"), page),
+             "shares bits"));
+  CHECK(says(problems_of(network(dbc + "  signals: [WIDE]\n"), part), "shares bits"));
+}
+
 TEST_CASE("a file that is missing, or given twice, or not at all") {
   FrameLayout a, b, c, d;
   CHECK(says(problems_of(network("  dbc: none.dbc\n  messages: [A]\n  signals: [B]\n"), a),

@@ -34,9 +34,18 @@ BO_ 304 Mux: 2 Vendor
  SG_ WHICH M : 0|8@1+ (1,0) [0|255] "" Vendor
  SG_ A m1 : 8|1@1+ (1,0) [0|1] "" Vendor
  SG_ B m2 : 8|1@1+ (1,0) [0|1] "" Vendor
+BO_ 305 Nested: 2 Vendor
+ SG_ PAGE M : 0|4@1+ (1,0) [0|15] "" Vendor
+ SG_ PART m2M : 4|4@1+ (1,0) [0|15] "" Vendor
+ SG_ A m3 : 8|1@1+ (1,0) [0|1] "" Vendor
+ SG_ B m3 : 9|1@1+ (1,0) [0|1] "" Vendor
+ SG_ C m1 : 8|1@1+ (1,0) [0|1] "" Vendor
+ SG_ ALWAYS : 15|1@1+ (1,0) [0|1] "" Vendor
+SG_MUL_VAL_ 305 A PART 3-3;
+SG_MUL_VAL_ 305 B PART 3-4;
 )dbc";
 
-std::vector<CanFrame> encoded(const PeriodicGroup& group, const std::vector<bool>& states) {
+std::vector<CanFrame> encoded(const PeriodicGroup& group, const std::vector<std::uint8_t>& states) {
   std::vector<CanFrame> frames;
   group.encode(states, frames);
   return frames;
@@ -177,6 +186,39 @@ TEST_CASE("a state that the multiplexer does not select stays as it was") {
   REQUIRE(frames.size() == 2);
   CHECK(frames[0].same_on_wire(frame(1, 1)));
   CHECK(frames[1].same_on_wire(frame(2, 0)));
+}
+
+TEST_CASE("a nested state is told by frames in which all selectors above it say so") {
+  const Dbc dbc = parse_dbc(kDbc);
+  REQUIRE(dbc.problems.empty());
+  PeriodicGroup group(signal_of("Nested", "A"), dbc);
+  for (const char* name : {"A", "B", "C", "ALWAYS"}) group.add(signal_of("Nested", name));
+  const auto frame = [](std::uint8_t selectors, std::uint8_t states) {
+    CanFrame result;
+    result.identifier = 305;
+    result.num_bytes = 2;
+    result.data[0] = selectors;
+    result.data[1] = states;
+    return result;
+  };
+  // One frame for A and B, whose selectors are the same, and one for C.
+  const std::vector<CanFrame> frames = encoded(group, {1, 0, 1, 1});
+  REQUIRE(frames.size() == 2);
+  CHECK(frames[0].same_on_wire(frame(0x32, 0x81)));
+  CHECK(frames[1].same_on_wire(frame(0x01, 0x81)));
+  REQUIRE(group.on_frame(frame(0x33, 0x83), 1));  // PART says so, but is not there
+  for (std::size_t i = 0; i < 3; ++i) CHECK(group.reason(i, 1) == InvalidReason::kNotAvailable);
+  CHECK(group.state(3));
+  REQUIRE(group.on_frame(frame(0x42, 0x03), 1));
+  CHECK(group.reason(0, 1) == InvalidReason::kNotAvailable);
+  CHECK(group.state(1));
+  CHECK(group.reason(2, 1) == InvalidReason::kNotAvailable);
+  for (const CanFrame& each : frames) REQUIRE(group.on_frame(each, 2));
+  const bool expected[] = {true, false, true, true};
+  for (std::size_t i = 0; i < 4; ++i) {
+    CHECK(group.reason(i, 2) == InvalidReason::kNone);
+    CHECK(group.state(i) == expected[i]);
+  }
 }
 
 }  // namespace holdfast
