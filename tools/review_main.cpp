@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 
 #include "tools/campaign/campaign_review.h"
@@ -12,7 +13,7 @@ namespace {
 
 constexpr const char* kExamples =
     "Examples:\n"
-    "  holdfast-review runs/binary_tracking/log.lcm\n"
+    "  holdfast-review runs/binary_tracking-20260101T120000Z   # a run's folder, or its log\n"
     "  holdfast-review run.lcm --json -                       # JSON on standard output, no table\n"
     "  holdfast-review run.lcm --report run.html              # one page, opens offline\n"
     "  holdfast-review run.lcm --figures figures --format png # one picture each, for a paper\n"
@@ -29,6 +30,17 @@ struct ReviewOptions {
   ReviewOutputs outputs;
   CompareOptions compare;
 };
+
+// A run's folder stands for its log.
+void find_logs(std::vector<std::string>& paths) {
+  for (std::string& path : paths) {
+    if (!std::filesystem::is_directory(path)) continue;
+    const std::filesystem::path log = std::filesystem::path(path) / "log.lcm";
+    if (!std::filesystem::exists(log))
+      throw UsageError(path + ": a folder without log.lcm; name a log, or a run's folder");
+    path = log.string();
+  }
+}
 
 int compare(const ReviewOptions& options) {
   const auto num_campaigns = std::ranges::count_if(options.compared, is_sqlite_file);
@@ -90,6 +102,8 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->needs(compared);
   return holdfast::run_command_line(app, "holdfast-review", argc, argv, [&] {
+    holdfast::find_logs(options.logs);
+    holdfast::find_logs(options.compared);
     if (!options.compared.empty()) return holdfast::compare(options);
     return holdfast::review(options);
   });

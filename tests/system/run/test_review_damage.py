@@ -151,6 +151,14 @@ class ReviewDamageTest(RunTest):
         self.assertEqual(status, 2)
         self.assertIn("RUN_META", errors)
 
+    def test_a_folder_stands_for_the_log_in_it(self):
+        by_log = self.assert_succeeds(call("review", self.write("log.lcm", self.data)))
+        self.assertEqual(self.assert_succeeds(call("review", self.folder)).splitlines()[1:], by_log.splitlines()[1:])
+        os.remove(self.path("log.lcm"))
+        status, _, errors = call("review", self.folder)
+        self.assertEqual(status, 2)
+        self.assertIn("a folder without log.lcm", errors)
+
     # Memory.
 
     def peak_bytes(self, log, *arguments):
