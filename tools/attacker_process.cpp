@@ -9,8 +9,8 @@
 namespace holdfast {
 namespace {
 
-constexpr int kReadsPerLook = 16, kReadsPerLookMax = 64;
-constexpr std::int64_t kTurnMax_ns = 100'000'000;
+constexpr int kReadsPerLook = 16, kReadsPerLookMax = 128;
+constexpr std::int64_t kTurnMax_ns = 100'000'000, kTurnOneWayMax_ns = 200'000'000;
 
 }  // namespace
 
@@ -52,11 +52,13 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
   // Bounded in time, so that timers, signals and the other bus get their turn. The clock is asked
   // rarely, and more rarely while frames are quick: in a guest kernel it costs as much as a read.
   const std::int64_t started_ns = monotonic_time_ns();
+  // Nobody waits at the other bus when nothing goes back.
+  const std::int64_t turn_ns = has_way_back() ? kTurnMax_ns : kTurnOneWayMax_ns;
   int next_look = kReadsPerLook;
   bool is_last = false;
   for (int reads = 1;; ++reads) {
     if (reads == next_look) {
-      is_last = monotonic_time_ns() - started_ns > kTurnMax_ns;
+      is_last = monotonic_time_ns() - started_ns > turn_ns;
       next_look += std::min(reads, kReadsPerLookMax);
     }
     const std::size_t count = is_last ? from.read(batch_) : from.read_waiting(batch_);
