@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "common/configuration_override.h"
+#include "common/configuration_text.h"
 #include "common/name_list.h"
 
 namespace holdfast {
@@ -382,19 +383,21 @@ ConfigurationDocument ConfigurationDocument::from_text(const std::string& text,
   document.shared_ = std::make_shared<ConfigurationMap::Shared>();
   document.shared_->file_name = file_name;
   document.shared_->num_file_lines = count_lines(text);
-  std::vector<YAML::Node> documents;
+  YAML::Node read;
   try {
-    documents = YAML::LoadAll(text);
+    read.reset(one_document(text));
   } catch (const YAML::Exception& error) {
     throw ConfigurationError(document.shared_->place(error.mark) + ": not YAML: " + error.msg);
   }
-  if (documents.size() != 1 || !documents[0].IsMap()) {
+  if (!read.IsDefined() || !read.IsMap()) {
     throw ConfigurationError(file_name + ":1:1: must be one YAML map of keys and values");
   }
-  document.shared_->document.reset(documents[0]);
+  require_finite(read, text, file_name);
+  document.shared_->document.reset(read);
   int line = document.shared_->num_file_lines;
   for (const std::string& assignment : overrides) {
     apply_override(document.shared_->document, assignment, line++);
+    require_finite(document.shared_->document, text + assignment, "--set " + assignment);
   }
   document.shared_->overrides = overrides;
   return document;

@@ -143,9 +143,38 @@ TEST_CASE("a file that is no configuration is refused with its place") {
   CHECK(problems("").find("file.yaml:1:1: must be one YAML map") == 0);
   CHECK(problems("- 1\n- 2\n").find("file.yaml:1:1: must be one YAML map") == 0);
   CHECK(problems("seed: 1\n---\nseed: 2\n").find("file.yaml:1:1: must be one YAML map") == 0);
+  // yaml-cpp's LoadAll reads these for ever.
+  CHECK(problems(", seed: 1\n").find("file.yaml:1:1: must be one YAML map") == 0);
+  CHECK(problems("{seed: 1}, seed\n").find("file.yaml:1:1: must be one YAML map") == 0);
   CHECK_THROWS_AS(ConfigurationDocument::from_file("/no/such/file.yaml"), ConfigurationError);
   const testing::TemporaryFolder folder;
   CHECK_THROWS_AS(ConfigurationDocument::from_file(folder.file("")), ConfigurationError);
+}
+
+TEST_CASE("aliases that make a document endless, or too large, are refused") {
+  // Each of these once ran out of stack, or of patience, in a reader that followed them.
+  std::string doubling = "a0: &a0 [x, y]\n";
+  for (int i = 1; i < 40; ++i) {
+    const std::string before = std::to_string(i - 1), own = std::to_string(i);
+    doubling += "a" + own + ": &a" + own + " [*a" + before + ", *a" + before + "]\n";
+  }
+  const std::pair<std::string, const char*> refused[] = {
+      {"names: &a [*a]", "within itself"},
+      {"inner: &a {period_s: 1, items: [*a]}", "within itself"},
+      {doubling, "aliases"},
+      {"names: " + std::string(150, '[') + std::string(150, ']'), "more than 100 deep"}};
+  for (const auto& [text, part] : refused) {
+    INFO(text.substr(0, 60));
+    CHECK_THROWS_WITH(ConfigurationDocument::from_text(text, "s.yaml"),
+                      Catch::StartsWith("s.yaml: ") && Catch::Contains(part));
+  }
+  CHECK_THROWS_WITH(
+      ConfigurationDocument::from_text("names: [a]", "s.yaml", {"names=&a [*a]", "names=[b]"}),
+      Catch::StartsWith("--set names=&a [*a]: "));
+  // What a scenario does with them still stands.
+  ConfigurationDocument document =
+      ConfigurationDocument::from_text("names: &n [c, d]\ntext: &t word\n", "s.yaml");
+  CHECK(read_settings(document).names == std::vector<std::string>{"c", "d"});
 }
 
 TEST_CASE("what the file says is read, and what it leaves out keeps its default") {
