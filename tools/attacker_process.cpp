@@ -52,7 +52,7 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
   // Bounded in time, so that timers, signals and the other bus get their turn. The clock is asked
   // rarely, and more rarely while frames are quick: in a guest kernel it costs as much as a read.
   const std::int64_t started_ns = monotonic_time_ns();
-  // Nobody waits at the other bus when nothing goes back.
+  // Timers, signals and control can wait for longer than a command to the plant.
   const std::int64_t turn_ns = has_way_back() ? kTurnMax_ns : kTurnOneWayMax_ns;
   int next_look = kReadsPerLook;
   bool is_last = false;

@@ -9,7 +9,6 @@
 namespace holdfast {
 namespace {
 
-// A time-out of a unit that is pulled out is told once, not in each step.
 const char* told_as(ModbusAnswer answer) {
   switch (answer) {
     case ModbusAnswer::kInputs:
@@ -67,47 +66,72 @@ ModbusGateway::ModbusGateway(const Experiment& experiment, const std::string& li
       bus_(bus),
       status_(link, "modbus"),
       codec_(experiment.layout),
-      client_(ModbusUrl::parse(line), experiment.layout.sensors.modbus_timeout_s),
-      units_(modbus_units(sensors_with_units(experiment))),
-      last_answers_(units_.size(), ModbusAnswer::kInputs) {}
+      gap_s_(ModbusUrl::parse(line).gap_s()),
+      client_(ModbusUrl::parse(line), sensors_with_units(experiment).modbus_timeout_s),
+      units_(modbus_units(experiment.layout.sensors)),
+      told_(units_.size(), ModbusAnswer::kInputs) {
+  const double longest_s =
+      static_cast<double>(units_.size()) * experiment.layout.sensors.modbus_timeout_s;
+  if (longest_s > experiment.period_s)
+    status_.remark("units that are silent make steps late: " + std::to_string(units_.size()) +
+                   " times modbus_timeout_s is longer than period_s");
+}
 
-bool ModbusGateway::take_step() {
+bool ModbusGateway::ask_next() {
   status_.set_state(ProcessState::kRunning);
-  frames_.clear();
-  for (std::size_t i = 0; i < units_.size(); ++i) {
-    const ModbusAnswer answer = ask(units_[i]);
-    if (answer != last_answers_[i]) note(units_[i].unit(), answer);
-    last_answers_[i] = answer;
-    units_[i].tell(frames_);
+  ModbusUnit& unit = units_[unit_];
+  const ModbusRequest& request = unit.requests()[request_];
+  // Who did not answer once in this step costs no second time-out.
+  const bool is_away =
+      last_failure_ == ModbusAnswer::kSilent || last_failure_ == ModbusAnswer::kLineGone;
+  const ModbusAnswer answer = is_away ? last_failure_ : ask(unit, request);
+  unit.take(request, answer, inputs_);
+  if (answer != ModbusAnswer::kInputs) last_failure_ = answer;
+  if (++request_ < unit.requests().size()) return false;
+  end_unit();
+  if (unit_ < units_.size()) return false;
+  end_step();
+  return true;
+}
+
+ModbusAnswer ModbusGateway::ask(const ModbusUnit& unit, const ModbusRequest& request) {
+  inputs_.resize(request.places.size());
+  const ModbusAnswer answer = client_.read_inputs(unit.unit(), request.first_input, inputs_);
+  if (answer == ModbusAnswer::kInputs) ++num_answers_;
+  ++status_.counter("requests");
+  ++status_.counter(counter_of(answer));
+  return answer;
+}
+
+void ModbusGateway::end_unit() {
+  // A unit that is pulled out is told of once, not in each step.
+  if (last_failure_ != told_[unit_]) {
+    const bool has_failed = last_failure_ != ModbusAnswer::kInputs;
+    status_.remark("unit " + std::to_string(units_[unit_].unit()) + " " + told_as(last_failure_) +
+                   (has_failed ? " (" + client_.problem() + ")" : "") + ", step " +
+                   std::to_string(step_));
   }
+  told_[unit_] = last_failure_;
+  last_failure_ = ModbusAnswer::kInputs;
+  request_ = 0;
+  ++unit_;
+}
+
+void ModbusGateway::end_step() {
+  frames_.clear();
+  for (const ModbusUnit& unit : units_) unit.tell(frames_);
   if (experiment_.assembler.closed_by_tick) frames_.push_back(codec_.encode_tick(step_));
   status_.counter("frames_sent") += static_cast<std::int64_t>(bus_.write(frames_));
   status_.counter("bus_write_dropped") = bus_.counters().write_dropped;
   status_.set_step(step_);
-  return ++step_ <= experiment_.num_steps;
+  ++step_;
+  unit_ = 0;
 }
 
-ModbusAnswer ModbusGateway::ask(ModbusUnit& unit) {
-  ModbusAnswer worst = ModbusAnswer::kInputs;
-  for (const ModbusRequest& request : unit.requests()) {
-    ModbusAnswer answer = worst;
-    // Who did not answer once in this step costs no second time-out.
-    if (worst != ModbusAnswer::kSilent && worst != ModbusAnswer::kLineGone) {
-      inputs_.resize(request.places.size());
-      answer = client_.read_inputs(unit.unit(), request.first_input, inputs_);
-      ++status_.counter("requests");
-      ++status_.counter(counter_of(answer));
-    }
-    unit.take(request, answer, inputs_);
-    if (answer != ModbusAnswer::kInputs) worst = answer;
-  }
-  return worst;
-}
-
-void ModbusGateway::note(int unit, ModbusAnswer answer) {
-  const std::string why = answer == ModbusAnswer::kInputs ? "" : " (" + client_.problem() + ")";
-  status_.remark("unit " + std::to_string(unit) + " " + told_as(answer) + why + ", step " +
-                 std::to_string(step_));
+std::string ModbusGateway::fault() const {
+  if (num_answers_ == 0) return "no unit ever answered";
+  const std::int64_t lost = bus_.counters().write_dropped;
+  return lost > 0 ? std::to_string(lost) + " frames were lost" : "";
 }
 
 ModbusUnitProcess::ModbusUnitProcess(const Experiment& experiment, const std::string& line,
@@ -134,10 +158,10 @@ void ModbusUnitProcess::on_bus() {
 }
 
 void ModbusUnitProcess::on_line() {
-  const std::optional<int> asked = server_.take_request();
-  if (!asked) return;
+  // A request that comes while another waits takes its place: there is one buffer.
+  asked_ = server_.take_request();
+  if (!asked_) return;
   ++status_.counter("requests");
-  asked_ = asked;
   reply();
 }
 

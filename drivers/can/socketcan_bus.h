@@ -87,6 +87,7 @@ class SocketCanBus : public CanBus {
   bool at_end_ = false;
   bool is_lingering_ = false;  // the socket is out of wake_: a frame then wakes one waiter, not two
   bool told_mtu_ = false;
+  // As many as a batch holds: what queues meanwhile is taken at once by the next longer call.
   static constexpr int kSinglesMax = 63;
   int singles_left_ = 0;
   std::string last_error_text_;

@@ -107,7 +107,8 @@ BinarySensor read_sensor(ConfigurationMap& map, const Dbc& dbc) {
 
 // Which frames a sensor's state stands in, and in which of their bits.
 struct Spot {
-  std::uint32_t key = 0;  // of a group without priority and destination; bit 30 tells those apart
+  bool is_nowhere = true;  // since what it names does not exist
+  std::uint32_t key = 0;   // of a group without priority and destination; bit 30 tells those apart
   int instance = -1;
   const DbcSignal* signal = nullptr;  // of a DBC
   std::array<std::uint8_t, CanFrame::kBytesMax> bits{};
@@ -136,6 +137,7 @@ Spot spot_of(const BinarySensor& sensor, const Dbc& dbc) {
       signal.num_bits = 2;
       break;
     case BinarySensor::Protocol::kModbus:
+      if (sensor.identifier == 0) return spot;
       spot.key = sensor.identifier;
       signal.start_bit = sensor.start_bit;
       signal.num_bits = 2;
@@ -149,8 +151,16 @@ Spot spot_of(const BinarySensor& sensor, const Dbc& dbc) {
       break;
     }
   }
+  spot.is_nowhere = false;
   signal.set_raw(spot.bits, UINT64_MAX);
   return spot;
+}
+
+// True for an identifier that a CANopen node sends with, or is told things by.
+bool is_of_node(const BinarySensor& sensor, std::uint32_t key) {
+  if (sensor.protocol != BinarySensor::Protocol::kCanopen) return false;
+  const auto node = static_cast<std::uint32_t>(sensor.node);
+  return key == 0 || key == 0x080 + node || key == kInputsPdo + node || key == 0x700 + node;
 }
 
 // Why two cannot stand side by side; empty when they can.
@@ -161,8 +171,11 @@ std::string conflict_of(const BinarySensor& a, const BinarySensor& b, const Dbc&
   if (is_unit(a) && is_unit(b) && a.unit == b.unit && a.address == b.address)
     return "reads the input of another sensor";
   const Spot one = spot_of(a, dbc), other = spot_of(b, dbc);
-  if (one.key == 0 || one.key != other.key) return "";
+  const bool is_in_both =
+      one.key == other.key || is_of_node(a, other.key) || is_of_node(b, one.key);
+  if (one.is_nowhere || other.is_nowhere || !is_in_both) return "";
   if (a.protocol != b.protocol) return "stands in a frame of another protocol's sensor";
+  if (one.key != other.key) return "";
   if ((one.instance < 0) != (other.instance < 0))
     return "stands in the frames of a sensor that says its instance: say it for both";
   if (one.instance != other.instance) return "";
@@ -185,8 +198,8 @@ void place_in_frame(const BinarySensors& sensors, ConfigurationMap& entry, Binar
     return other.protocol == sensor.protocol && other.unit == sensor.unit;
   });
   if (num_before >= kStatesMost)
-    entry.problem("modbus", "a unit has at most 32 sensors, which one frame can tell");
-  sensor.start_bit = static_cast<int>(2 * std::min(num_before, kStatesMost - 1));
+    return entry.problem("modbus", "a unit has at most 32 sensors, which one frame can tell");
+  sensor.start_bit = static_cast<int>(2 * num_before);
   sensor.identifier = static_cast<std::uint32_t>(sensors.modbus_identifier + sensor.unit);
 }
 
@@ -254,12 +267,9 @@ void BinarySensors::read(ConfigurationMap& map, const Dbc& dbc) {
 
 std::string sensor_on(const BinarySensors& sensors, const Dbc& dbc, const DbcMessage& message) {
   for (const BinarySensor& sensor : sensors.list) {
-    const bool has_node = sensor.protocol == BinarySensor::Protocol::kCanopen;
-    const auto node = static_cast<std::uint32_t>(sensor.node);
     const std::uint32_t key = key_of(message.identifier, message.is_extended);
-    if (key == spot_of(sensor, dbc).key ||
-        (has_node && (key == 0x700 + node || key == 0x080 + node || key == 0)))
-      return sensor.name;
+    const Spot spot = spot_of(sensor, dbc);
+    if (is_of_node(sensor, key) || (!spot.is_nowhere && key == spot.key)) return sensor.name;
   }
   return "";
 }

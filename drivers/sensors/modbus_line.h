@@ -19,6 +19,8 @@ struct ModbusUrl {
 
   /// Throws UsageError, which says what may stand there.
   static ModbusUrl parse(const std::string& url);
+  /// Seconds for which the line has to be idle before each request.
+  double gap_s() const;
 };
 
 /// What came of asking a unit.
@@ -32,17 +34,17 @@ enum class ModbusAnswer {
 
 class ModbusContext;
 
-/// The asking end of a Modbus RTU line. One thread; waits no longer than the time-out for an
+/// The asking end of a Modbus RTU line. One thread; waits no longer than the time-out for a whole
 /// answer.
 class ModbusClient {
  public:
-  /// Throws JobError when libmodbus refuses the line's settings.
+  /// Throws JobError when the line cannot be opened, or another program has locked it.
   ModbusClient(const ModbusUrl& url, double response_timeout_s);
   ~ModbusClient();
 
-  /// Reads discrete inputs (function 2) of a unit, each as 0 or 1. A line that is not open is
-  /// opened first; one that fails is closed, to be tried again by the next call. At most 2000
-  /// inputs; they are only changed for kInputs.
+  /// Reads discrete inputs (function 2) of a unit, each as 0 or 1. What has come unasked is thrown
+  /// away first. A line that fails is closed, and opened again by the next call. At most 2000
+  /// inputs; they are only changed for kInputs. Precondition: the line was idle for its gap.
   ModbusAnswer read_inputs(int unit, int first_input, std::span<std::uint8_t> inputs);
   /// Why the last answer was not kInputs.
   const std::string& problem() const;
@@ -54,13 +56,14 @@ class ModbusClient {
 /// The answering end, for one unit: discrete inputs only.
 class ModbusServer {
  public:
-  /// Throws JobError when the line cannot be opened.
+  /// Throws JobError when the line cannot be opened, or another program has locked it.
   ModbusServer(const ModbusUrl& url, int unit);
   ~ModbusServer();
 
   int file_descriptor() const;
-  /// Takes what has arrived: the first address of a request for this unit's inputs, else none. What
-  /// else is asked of the unit gets an exception. Throws JobError when the line is gone.
+  /// Takes what has arrived: the first address of a request for this unit's inputs, else none, and
+  /// then there is nothing to answer. What else is asked of the unit gets an exception. Throws
+  /// JobError when the line is gone.
   std::optional<int> take_request();
   /// Answers the request that was taken last; inputs from first_input on, all others are an illegal
   /// address.

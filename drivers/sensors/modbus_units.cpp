@@ -6,7 +6,7 @@
 namespace holdfast {
 namespace {
 
-constexpr std::size_t kInputsPerRequest = 2000, kStepsWaitingMost = 100'000;
+constexpr std::size_t kStepsWaitingMost = 100'000;
 
 bool is_of_unit(const BinarySensor& sensor, int unit) {
   return sensor.protocol == BinarySensor::Protocol::kModbus && sensor.unit == unit;
@@ -43,7 +43,6 @@ ModbusUnit::ModbusUnit(const BinarySensors& sensors, int unit)
   std::ranges::sort(places, {}, [&addresses](std::size_t place) { return addresses[place]; });
   for (const std::size_t place : places) {
     const bool continues = !requests_.empty() &&
-                           requests_.back().places.size() < kInputsPerRequest &&
                            addresses[place] == requests_.back().first_input +
                                                    static_cast<int>(requests_.back().places.size());
     if (!continues) requests_.push_back({addresses[place], {}});
@@ -103,10 +102,10 @@ void ModbusTwin::end_step() {
 }
 
 ModbusTwin::Reply ModbusTwin::on_request(int first_asked) {
-  // The other requests of a round are about the same step as its first.
-  const bool is_new_round = first_asked == first_input_;
-  if (is_new_round && waiting_.empty() && is_in_step_) return Reply::kNotYet;
-  if (is_new_round && !waiting_.empty()) {
+  // In step the other requests of a round are about the same step as its first.
+  const bool shows_next = !is_in_step_ || first_asked == first_input_;
+  if (shows_next && waiting_.empty() && is_in_step_) return Reply::kNotYet;
+  if (shows_next && !waiting_.empty()) {
     shown_ = waiting_.front();
     waiting_.pop_front();
     std::ranges::fill(inputs_, std::uint8_t{0});

@@ -38,10 +38,11 @@ class Line:
         self.paths = {who: os.path.join(folder, f"line-{who}") for who in ["gateway", *units]}
         self.descriptors = {}
         self.lock = threading.Lock()
+        self.num_requests = 0
+        self.pending = b""
+        self.tamper = lambda unit, number, answer: answer
         for who in self.paths:
             self.plug(who)
-        self.num_requests = 0
-        self.tamper = lambda unit, number, answer: answer
         self.is_stopped = False
         self.thread = threading.Thread(target=self.carry)
         self.thread.start()
@@ -50,39 +51,46 @@ class Line:
         controller, device = os.openpty()
         tty.setraw(device)
         with self.lock:
-            if os.path.islink(self.paths[who]):
-                os.remove(self.paths[who])
             os.symlink(os.ttyname(device), self.paths[who])
             self.descriptors[who] = (controller, device)
 
     def pull(self, who):
-        """Whoever has it open is hung up on."""
+        """Whoever has it open is hung up on, and what was under way is lost."""
         with self.lock:
+            os.remove(self.paths[who])
             for descriptor in self.descriptors.pop(who):
                 os.close(descriptor)
+            self.pending = b""
+
+    def has(self, who):
+        with self.lock:
+            return who in self.descriptors
+
+    def say(self, data):
+        """To the gateway, if it is there."""
+        with self.lock:
+            if "gateway" in self.descriptors:
+                os.write(self.descriptors["gateway"][0], data)
 
     def carry(self):
-        pending = b""
         while not self.is_stopped:
             with self.lock:
-                pending = self.carry_what_came(pending)
+                owners = {pair[0]: who for who, pair in self.descriptors.items()}
+                came = [(owners[fd], os.read(fd, 256)) for fd in select.select(list(owners), [], [], 0.005)[0]]
+            for who, data in came:
+                if who == "gateway":
+                    self.hand_on_requests(data)
+                else:
+                    self.say(self.tamper(who, self.num_requests, data))
 
-    def carry_what_came(self, pending):
-        """Hands on the answers and whole requests that are there; returns what has come of the next request."""
-        owners = {pair[0]: who for who, pair in self.descriptors.items()}
-        for descriptor in select.select(list(owners), [], [], 0.005)[0]:
-            data = os.read(descriptor, 256)
-            if owners[descriptor] == "gateway":
-                pending += data
-            elif "gateway" in self.descriptors:
-                answer = self.tamper(owners[descriptor], self.num_requests, data)
-                os.write(self.descriptors["gateway"][0], answer)
-        while len(pending) >= self.REQUEST_BYTES:
-            self.num_requests += 1
-            request, pending = pending[:self.REQUEST_BYTES], pending[self.REQUEST_BYTES:]
-            if request[0] in self.units:
-                os.write(self.descriptors[request[0]][0], request)
-        return pending
+    def hand_on_requests(self, data):
+        with self.lock:
+            self.pending += data
+            while len(self.pending) >= self.REQUEST_BYTES:
+                self.num_requests += 1
+                request, self.pending = self.pending[:self.REQUEST_BYTES], self.pending[self.REQUEST_BYTES:]
+                if request[0] in self.units:
+                    os.write(self.descriptors[request[0]][0], request)
 
     def close(self):
         self.is_stopped = True
@@ -103,7 +111,7 @@ class ModbusTest(RunTest):
         return child
 
     def wait_until_ready(self, *names):
-        """Of processes that publish a status; what else comes is kept."""
+        """Of processes that publish a status."""
         waiting = {"STATUS_" + name for name in names}
         deadline = time.monotonic() + 20 * harness.PATIENCE
         while waiting:
@@ -127,12 +135,15 @@ class ModbusTest(RunTest):
         driver = self.spawn("can-driver", SCENARIO, *options, "--bus", GATEWAY_BUS)
         estimator = self.spawn("estimator", "--scenario", SCENARIO, *options, "--name", "secure")
         self.wait_until_ready("MODBUS_UNIT_1", "MODBUS_UNIT_2", "DRIVER", "SECURE")
-        plant = self.spawn("plant", SCENARIO, *options, "--bus", PLANT_BUS)
+        # Ahead of the gateway, so that no unit has to wait for a step.
+        plant = self.spawn("plant", SCENARIO, *options, *sets(period_s=0.005), "--bus", PLANT_BUS)
         self.wait_until_ready("PLANT")
         gateway = self.spawn("modbus", SCENARIO, *options, "--line", line.paths["gateway"], "--bus", GATEWAY_BUS)
         measured, estimates, counters = {}, {}, {}
+        self.gone = set()  # steps in which nothing is known
         deadline = time.monotonic() + 60 * harness.PATIENCE
-        while len(estimates) < self.num_steps or gateway.poll() is None:
+        is_over = False
+        while len(estimates) < self.num_steps or not is_over:
             self.assertLess(time.monotonic(), deadline, f"{len(measured)} sets, {len(estimates)} estimates came")
             message = self.link.receive(timeout_s=0.2)
             if message is None:
@@ -141,6 +152,8 @@ class ModbusTest(RunTest):
             if channel == "MEASUREMENT":
                 received = harness.holdfast.measurement_set_t.decode(payload)
                 measured[received.step] = received
+                if len(received.invalid) == 16:
+                    self.gone.add(received.step)
                 on_set(line, received.step)
             elif channel == "EST_SECURE":
                 estimate = harness.holdfast.estimate_t.decode(payload)
@@ -148,6 +161,7 @@ class ModbusTest(RunTest):
             elif channel == "STATUS_MODBUS":
                 status = harness.holdfast.status_t.decode(payload)
                 counters = dict(zip(status.counter_name, status.counter_value))
+                is_over = status.state >= status.FINISHED
         for child in (gateway, driver, estimator, plant):
             self.assertEqual(child.wait(timeout=20 * harness.PATIENCE), 0)
         return measured, estimates, counters
@@ -198,10 +212,8 @@ class ModbusTest(RunTest):
 
     def test_a_unit_that_is_unplugged_and_plugged_back_is_missing_meanwhile(self):
         options = self.options(network__sensor_options__outages="[{sensor: unit 2 input 3, first_step: 20, last_step: 22}]")
-        options += sets(network__sensor_options__modbus_timeout_s=0.3)
         measured, estimates, counters = self.run_over_line(options)
-        missing = {step: what[1] for step, what in self.what(measured).items() if what[1]}
-        self.assertEqual(missing, {step: [(source, REASON.NOT_AVAILABLE) for source in range(8, 16)] for step in (20, 21, 22)})
+        self.assertEqual(self.missing(measured), {step: [(source, REASON.NOT_AVAILABLE) for source in range(8, 16)] for step in (20, 21, 22)})
         self.assertEqual(counters["silent"], 3)
         simulated, simulated_estimates = self.simulated(options)
         self.assertEqual(self.what(measured), self.what(simulated))
@@ -213,53 +225,95 @@ class ModbusTest(RunTest):
         self.assertEqual([what[0] for what in self.what(measured).values()], [what[0] for what in self.what(lost).values()])
         self.assertEqual(estimates, lost_estimates)
 
-    def test_broken_answers_exceptions_and_a_line_that_is_gone_are_told_apart(self):
-        """Requests come in pairs, for unit 1 and unit 2; the line is pulled and put back between steps."""
+    def missing(self, measured):
+        return {step: what[1] for step, what in self.what(measured).items() if what[1]}
+
+    def test_broken_answers_and_exceptions_are_told_apart(self):
+        """Requests come in pairs, for unit 1 and unit 2."""
+        answers = {21: lambda answer: answer[:-1] + bytes([answer[-1] ^ 0x10]),  # unit 1 in step 11
+                   23: lambda answer: b"\x04" + answer[1:],
+                   26: lambda answer: with_checksum(answer[:1] + b"\x82\x04"),  # unit 2 in step 13
+                   28: lambda answer: with_checksum(answer[:1] + b"\x82\x00"),
+                   30: lambda answer: answer[:3]}  # and no more: a time-out
+        measured, _, counters = self.run_over_line(self.options(network__sensor_options__outages="[]"), tamper=lambda unit, number, answer:
+                                                   answers.get(number, lambda same: same)(answer))
+        first, second = ([(s, REASON.FAULTY) for s in range(at, at + 8)] for at in (0, 8))
+        self.assertEqual(self.missing(measured), {11: first, 12: first, 13: second, 14: second,
+                                                  15: [(s, REASON.NOT_AVAILABLE) for s in range(8, 16)]})
+        self.assertEqual([counters[name] for name in ("broken_answers", "exceptions", "silent", "answers")],
+                         [2, 2, 1, 2 * self.num_steps - 5])
+
+    def test_answers_that_come_twice_or_too_late_shift_no_others(self):
+        late = []
+
         def tamper(unit, number, answer):
-            if number in (21, 23):  # unit 1 in steps 11 and 12
-                return answer[:-1] + bytes([answer[-1] ^ 0x10])
-            if number == 32:  # unit 2 in step 16
-                return with_checksum(bytes([2, 0x82, 0x04]))
+            if number in (4, 7):
+                return answer + answer
+            if number == 12:  # unit 2 in step 6
+                late.append(answer)
+                return b""
             return answer
 
-        gone = []
+        def on_set(line, step):
+            if step == 6:
+                line.say(late[0])
+
+        options = self.options(network__sensor_options__outages="[]")
+        self.num_steps = 12
+        # Between the end of a step and the next request there is time for what is late.
+        options += sets(steps=self.num_steps, period_s=0.8, network__sensor_options__modbus_timeout_s=0.4)
+        measured, _, _ = self.run_over_line(options, on_set, tamper)
+        self.assertEqual(self.missing(measured), {6: [(s, REASON.NOT_AVAILABLE) for s in range(8, 16)]})
+        plain, _ = self.simulated(sets(steps=self.num_steps, period_s=0.005), self.plain_scenario())
+        expected = self.what(plain)
+        self.assertEqual({step: what for step, what in self.what(measured).items() if step != 6},
+                         {step: what for step, what in expected.items() if step != 6})
+
+    def test_a_line_that_is_gone_and_back(self):
+        steps = {}
 
         def on_set(line, step):
-            if step == 30:
+            if step == 20:
                 line.pull("gateway")
-            elif step > 30 and not gone and "gateway" not in line.descriptors:
-                gone.append(step)
+            elif step > 20 and not line.has("gateway") and step in self.gone:
+                steps["back"] = step
                 line.plug("gateway")
 
-        measured, _, counters = self.run_over_line(self.options(network__sensor_options__outages="[]"), on_set, tamper)
-        missing = {step: what[1] for step, what in self.what(measured).items() if what[1]}
-        first, second = range(8), range(8, 16)
-        self.assertEqual({step: missing[step] for step in missing if step < 30},
-                         {11: [(s, REASON.FAULTY) for s in first], 12: [(s, REASON.FAULTY) for s in first],
-                          16: [(s, REASON.FAULTY) for s in second]})
-        self.assertEqual((counters["broken_answers"], counters["exceptions"]), (2, 1))
-        away = [step for step in missing if step > 30]
-        self.assertIn(gone[0], away)
-        self.assertLess(away[-1], self.num_steps, "the line did not come back")
-        self.assertEqual(away, list(range(away[0], away[-1] + 1)))
-        self.assertEqual(missing[gone[0]], [(s, REASON.NOT_AVAILABLE) for s in range(16)])
+        measured, _, counters = self.run_over_line(self.options(network__sensor_options__outages="[]"), on_set)
+        self.assertIn("back", steps, "nobody saw that the line was gone")
+        self.assertGreater(counters["line_gone"], 0)
+        missing = [step for step in self.missing(measured) if step > 20]
+        self.assertIn(steps["back"], missing)
+        self.assertLess(missing[-1], self.num_steps, "the line did not come back")
 
     def test_the_checksum_is_that_of_published_examples(self):
         self.assertEqual(with_checksum(bytes.fromhex("630200010006")).hex(), "630200010006a18a")
         self.assertEqual(with_checksum(bytes.fromhex("018202")).hex(), "018202c161")
 
     def test_what_cannot_be_is_said(self):
-        for arguments, text in (
-                (["--serve", "3", "--line", "x"], "its units are: 1, 2"),
-                (["--line", "x@17"], "no line of 17 baud"),
-                (["--line", "x?parity=mark"], "expected DEVICE"),
-                (["--serve", "1", "--line", self.path("none")], "cannot be opened")):
+        for expected, arguments, text in (
+                (2, ["--serve", "3", "--line", "x"], "its units are: 1, 2"),
+                (2, ["--line", "x@17"], "is none of: 300"),
+                (2, ["--line", "x?parity=mark"], "expected DEVICE"),
+                (1, ["--line", self.path("none")], "cannot be opened"),
+                (1, ["--serve", "1", "--line", self.path("none")], "cannot be opened")):
             status, _, errors = harness.call("modbus", SCENARIO, "--bus", PLANT_BUS, *arguments)
             self.assertIn(text, errors)
-            self.assertIn(status, (1, 2))
+            self.assertEqual(status, expected)
         status, _, errors = harness.call("modbus", harness.TRACKING, "--bus", PLANT_BUS, "--line", "x")
         self.assertIn("no sensor on Modbus", errors)
         self.assertEqual(status, 2)
+
+    def test_no_answer_at_all_is_a_failure(self):
+        controller, device = os.openpty()
+        self.addCleanup(os.close, controller)
+        self.addCleanup(os.close, device)
+        arguments = (SCENARIO, *sets(steps=5), "--bus", PLANT_BUS, "--line", os.ttyname(device))
+        with subprocess.Popen([harness.program("modbus"), *arguments], stderr=subprocess.PIPE, text=True) as first:
+            errors = first.communicate(timeout=20 * harness.PATIENCE)[1]
+        self.assertEqual(first.returncode, 1)
+        self.assertIn("no unit ever answered", errors)
+        self.assertIn("unit 1 does not answer", errors)
 
 
 if __name__ == "__main__":

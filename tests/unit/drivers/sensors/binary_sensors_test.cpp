@@ -150,6 +150,15 @@ TEST_CASE("sensors of a Modbus unit stand in one frame, two bits each, in their 
       says("sensors: [{modbus: {unit: 129, input: 0}}, {canopen: {node: 1, input: 1}}]\n"
            "sensor_options: {modbus_identifier: 0x100}",
            "another protocol's sensor"));
+  // Nor what a node says it lives, or is ill, by.
+  for (const char* base : {"0x80", "0x700"}) {
+    CHECK(says(std::string("sensors: [{modbus: {unit: 1, input: 0}}, {canopen: {node: 1, input: "
+                           "1}}]\nsensor_options: {modbus_identifier: ") +
+                   base + "}",
+               "another protocol's sensor"));
+  }
+  CHECK(problem_of("sensors: [{modbus: {unit: 2, input: 0}}, {canopen: {node: 1, input: 1}}]\n"
+                   "sensor_options: {modbus_identifier: 0x80}") == "");
   std::string many = "sensors:\n";
   for (int i = 0; i < 33; ++i)
     many += "  - {modbus: {unit: 3, input: " + std::to_string(i) + "}}\n";

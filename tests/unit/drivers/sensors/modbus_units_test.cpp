@@ -157,6 +157,21 @@ TEST_CASE("a unit that is not in step tells the latest, and nothing before there
   }
 }
 
+TEST_CASE("a unit that is not in step answers a master that asks in an order of its own") {
+  const BinarySensors sensors = units_of();
+  ModbusTwin twin(sensors, 3, false);
+  SensorTwins simulated(sensors, {});
+  CHECK(twin.on_request(20) == ModbusTwin::Reply::kSilent);
+  std::vector<CanFrame> frames;
+  simulated.step(1, {{1}, {1}, {0}, {0}, {0}}, frames);
+  for (const CanFrame& frame : frames) twin.on_frame(frame);
+  twin.end_step();
+  CHECK(twin.on_request(20) == ModbusTwin::Reply::kAnswer);
+  CHECK(twin.inputs()[13] == 1);  // address 20
+  CHECK(twin.inputs()[0] == 1);   // address 7, inverted
+  CHECK(twin.on_request(0) == ModbusTwin::Reply::kAnswer);
+}
+
 TEST_CASE("steps that nobody asks for are forgotten at last, and counted") {
   const BinarySensors sensors = units_of();
   ModbusTwin twin(sensors, 7, true);
@@ -173,6 +188,8 @@ TEST_CASE("a line's URL says what it means, or what may stand there") {
   CHECK(full.baud == 9600);
   CHECK(full.parity == 'N');
   CHECK(full.stop_bits == 2);
+  CHECK(full.gap_s() > 0.004);
+  CHECK(ModbusUrl::parse("x@115200").gap_s() == 0.00175);
   for (const char* wrong : {"", "@9600", "x@0", "x@fast", "x?parity=mark", "x?stop=3", "x?a=b"})
     CHECK_THROWS_AS(ModbusUrl::parse(wrong), UsageError);
 }
