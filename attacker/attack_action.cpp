@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <set>
 
 #include "common/name_list.h"
@@ -143,6 +144,13 @@ void read_count(ConfigurationMap map, CountDistribution& count) {
   }
 }
 
+// Those that must be in a frame before the rule acts on it.
+std::vector<std::string> needed_signals(const AttackRule& rule) {
+  std::vector<std::string> names = rule.signals;
+  if (!rule.match.signal.empty()) names.push_back(rule.match.signal);
+  return names;
+}
+
 void read_flip(ConfigurationMap& map, AttackRule& rule, const Messages& selected) {
   const bool has_signal = map.has("signal");
   if (has_signal == map.has("bit")) {
@@ -152,6 +160,7 @@ void read_flip(ConfigurationMap& map, AttackRule& rule, const Messages& selected
     rule.signals.resize(1);
     map.read("signal", rule.signals[0]);
     check_signal(map, "signal", rule.signals[0], rule.match, selected);
+    check_together(map, "signal", needed_signals(rule), selected);
   }
   if (!map.has("bit")) return;
   map.read("bit", rule.bit, {0.0, 8.0 * CanFrame::kBytesMax - 1.0});
@@ -189,7 +198,7 @@ void read_signals(ConfigurationMap& map, AttackRule& rule, const Messages& selec
   if (map.has(key)) {
     for (const std::string& signal : rule.signals)
       check_signal(map, key, signal, rule.match, selected);
-    check_together(map, key, rule.signals, selected);
+    check_together(map, key, needed_signals(rule), selected);
   }
 }
 
@@ -222,8 +231,38 @@ void read_counter(ConfigurationMap& map, AttackRule& rule, const FrameLayout& la
   map.read("counter_signal", rule.counter_signal);
   if (is_own_counter && !rule.counter_signal.empty()) {
     check_signal(map, "counter_signal", rule.counter_signal, rule.match, selected);
+    // Of an injection check_forged() tells.
+    std::vector<std::string> names = rule.signals;
+    names.push_back(rule.counter_signal);
+    if (suspends(rule)) check_together(map, "counter_signal", names, selected);
   }
   map.read("counter_offset", rule.counter_offset, {-9.0e15, 9.0e15});
+}
+
+// Of signals that can be in a frame together: that they still are with an injection's counter, and
+// with the constants that are written into selectors among them.
+void check_forged(ConfigurationMap& map, const AttackRule& rule, const Messages& selected) {
+  const DbcMessage* without = nullptr;
+  for (const DbcMessage* message : selected) {
+    const std::optional<std::vector<DbcSignal>> found = find_signals(*message, rule.signals);
+    if (!found || !message->frame_for(*found)) continue;
+    if (frame_to_forge(rule, *message)) return;
+    without = message;
+  }
+  if (without == nullptr) return;
+  AttackRule uncounted = rule;
+  uncounted.counter_signal.clear();
+  const std::string no_frame = "no frame of message '" + without->name + "' carries ";
+  if (!frame_to_forge(uncounted, *without)) {
+    map.problem("value", no_frame + "all signals when its selectors have these values");
+  } else {
+    const bool is_own = map.has("counter_signal");
+    map.problem(is_own               ? "counter_signal"
+                : map.has("signals") ? "signals"
+                                     : "signal",
+                no_frame + "the counter '" + rule.counter_signal + "' with what the rule writes" +
+                    (is_own ? "" : "; counter_signal: \"\" does without"));
+  }
 }
 
 void read_inject(ConfigurationMap& map, const std::string& folder, AttackRule& rule,
@@ -353,6 +392,7 @@ void read_action(ConfigurationMap& map, const std::string& folder, const FrameLa
       read_inject(map, folder, rule, layout, selected);
       break;
   }
+  if (forges(rule)) check_forged(map, rule, selected);
 }
 
 }  // namespace holdfast

@@ -185,6 +185,7 @@ Messages read_match(ConfigurationMap map, AttackMatch& match, const FrameLayout&
     map.read("at_least", match.at_least);
     map.read("at_most", match.at_most);
     check_signal(map, "signal", match.signal, match, selected);
+    check_together(map, "signal", {match.signal}, selected);
     if (!has_bound) map.problem("signal", "needs at_least, at_most, or both");
     if (match.at_least > match.at_most) map.problem("at_most", "lies below at_least");
   }
@@ -219,16 +220,25 @@ void check_together(ConfigurationMap& map, const char* key, const std::vector<st
                     const Messages& selected) {
   const DbcMessage* without = nullptr;
   for (const DbcMessage* message : selected) {
-    std::vector<DbcSignal> found;
-    for (const std::string& name : signals) {
-      if (const DbcSignal* signal = message->find(name)) found.push_back(*signal);
-    }
-    if (found.size() != signals.size()) continue;
-    if (message->frame_for(found)) return;
+    const std::optional<std::vector<DbcSignal>> found = find_signals(*message, signals);
+    if (!found) continue;
+    if (message->frame_for(*found)) return;
     without = message;
   }
-  if (without != nullptr)
-    map.problem(key, "no frame of message '" + without->name + "' carries all of them");
+  if (without == nullptr) return;
+  const std::string what = signals.size() == 1 ? "'" + signals.front() + "'" : "all of them";
+  map.problem(key, "no frame of message '" + without->name + "' carries " + what);
+}
+
+std::optional<std::vector<DbcSignal>> find_signals(const DbcMessage& message,
+                                                   const std::vector<std::string>& names) {
+  std::vector<DbcSignal> found;
+  for (const std::string& name : names) {
+    const DbcSignal* signal = message.find(name);
+    if (signal == nullptr) return std::nullopt;
+    found.push_back(*signal);
+  }
+  return found;
 }
 
 }  // namespace holdfast

@@ -68,4 +68,8 @@ void check_signal(ConfigurationMap& map, const char* key, const std::string& sig
 void check_together(ConfigurationMap& map, const char* key, const std::vector<std::string>& signals,
                     const std::vector<const DbcMessage*>& selected);
 
+/// The message's signals of these names, in their order; none when it lacks one.
+std::optional<std::vector<DbcSignal>> find_signals(const DbcMessage& message,
+                                                   const std::vector<std::string>& names);
+
 }  // namespace holdfast

@@ -248,6 +248,24 @@ const char* to_string(AttackRule::Action action) {
   return "unknown";
 }
 
+std::optional<CanFrame> frame_to_forge(const AttackRule& rule, const DbcMessage& message) {
+  std::optional<std::vector<DbcSignal>> carried = find_signals(message, rule.signals);
+  if (!carried) return std::nullopt;
+  const DbcSignal* counter = message.find(rule.counter_signal);
+  if (counter != nullptr && rule.action == AttackRule::Action::kInject)
+    carried->push_back(*counter);
+  const std::optional<CanFrame> form = message.frame_for(*carried);
+  if (!form || rule.values.empty() ||
+      rule.values.front().kind != ValueDistribution::Kind::kConstant)
+    return form;
+  CanFrame written = *form;
+  for (std::size_t i = 0; i < rule.values.size(); ++i)
+    (*carried)[i].pack({written.data.data(), written.num_bytes}, rule.values[i].value);
+  const bool carries_all = std::ranges::all_of(
+      *carried, [&](const DbcSignal& signal) { return message.carries(signal, written.bytes()); });
+  return carries_all ? form : std::nullopt;
+}
+
 std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLayout& layout,
                                           const std::string& folder) {
   std::vector<AttackRule> rules;

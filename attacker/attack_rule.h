@@ -144,6 +144,10 @@ inline bool forges(const AttackRule& rule) {
   return rule.action == AttackRule::Action::kInject ||
          rule.action == AttackRule::Action::kMasquerade;
 }
+/// The frame that a forgery of this message begins as: zero but for the selectors that the rule's
+/// signals, and the counter of an injection, need. None when no frame carries them all, or a
+/// selector among them is written with a constant that does not carry the others.
+std::optional<CanFrame> frame_to_forge(const AttackRule& rule, const DbcMessage& message);
 /// True when whether the rule acts depends on what it or earlier rules did before.
 inline bool is_conditional(const AttackRule& rule) {
   return !rule.given.empty() || !rule.unless.empty() || rule.every != 1 || rule.chain ||

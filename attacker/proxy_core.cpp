@@ -337,7 +337,7 @@ void ProxyCore::send_forged(const RuleCandidate& candidate, const DrawPlace& pla
   bool is_saturated = false;
   if (!effects_.forge(candidate, place, step_, frame, is_saturated)) return;
   const std::int64_t counter = step_ + rule.counter_offset;
-  if (target.counter && target.counter->fits(frame.num_bytes)) {
+  if (target.counter && target.message->carries(*target.counter, frame.bytes())) {
     // A command's step is no counter that wraps: what lies before the run is merely late.
     target.counter->set_raw(
         payload(frame), static_cast<std::uint64_t>(

@@ -144,10 +144,10 @@ bool ProxyCore::can_act(const RuleCandidate& candidate, const CanFrame& frame) c
   if (candidate.target < 0) return true;
   const RuleTarget& target = effects_.table().target(candidate);
   for (const DbcSignal& signal : target.acted_on) {
-    if (!target.message.carries(signal, frame.bytes())) return false;
+    if (!target.message->carries(signal, frame.bytes())) return false;
   }
   if (!target.compared) return true;
-  if (!target.message.carries(*target.compared, frame.bytes())) return false;
+  if (!target.message->carries(*target.compared, frame.bytes())) return false;
   const double value = target.compared->unpack(frame.bytes());
   return value >= rule.match.at_least && value <= rule.match.at_most;
 }

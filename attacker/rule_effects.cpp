@@ -114,7 +114,7 @@ bool RuleEffects::replay(const RuleCandidate& candidate, const DrawPlace& place,
   const CanFrame* earlier = table_.remembered(target, step - delay);
   if (earlier == nullptr) return false;
   for (const DbcSignal& signal : target.acted_on) {
-    if (!target.message.carries(signal, earlier->bytes())) return false;
+    if (!target.message->carries(signal, earlier->bytes())) return false;
   }
   for (const DbcSignal& signal : target.acted_on) {
     signal.set_raw(payload_of(frame), signal.raw(earlier->bytes()));
@@ -219,7 +219,7 @@ bool RuleEffects::forge(const RuleCandidate& candidate, const DrawPlace& place, 
     frame = *latest;
     frame.receive_time_ns = 0;
     for (const DbcSignal& signal : target.acted_on) {
-      if (!target.message.carries(signal, frame.bytes())) return false;
+      if (!target.message->carries(signal, frame.bytes())) return false;
     }
   }
   return write_values(candidate, place, step, frame, is_saturated) &&

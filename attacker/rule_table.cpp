@@ -25,21 +25,22 @@ std::optional<DbcSignal> copy_of(const DbcSignal* signal) {
 }  // namespace
 
 RuleTable::RuleTable(const std::vector<AttackRule>& rules, const FrameLayout& layout) {
-  Lists standard(kNumStandardIdentifiers);
+  Draft draft;
+  draft.standard.resize(kNumStandardIdentifiers);
   enter_named_extended(rules, layout.dbc);
   for (std::uint32_t index = 0; index < rules.size(); ++index) {
     const AttackRule& rule = rules[index];
     if (goes_by_identifier(rule)) {
-      enter_by_identifier(index, rule, standard);
+      enter_by_identifier(index, rule, draft);
       continue;
     }
     for (const DbcMessage& message : layout.dbc.messages) {
       if (!can_select(rule.match, message, layout)) continue;
-      enter_by_message(index, rule, message, standard);
+      enter_by_message(index, rule, message, draft);
     }
   }
   offset_.reserve(kNumStandardIdentifiers + 1);
-  for (const auto& list : standard) {
+  for (const auto& list : draft.standard) {
     offset_.push_back(static_cast<std::uint32_t>(candidates_.size()));
     candidates_.insert(candidates_.end(), list.begin(), list.end());
   }
@@ -57,11 +58,11 @@ void RuleTable::enter_named_extended(const std::vector<AttackRule>& rules, const
   }
 }
 
-void RuleTable::enter_by_identifier(std::uint32_t index, const AttackRule& rule, Lists& standard) {
+void RuleTable::enter_by_identifier(std::uint32_t index, const AttackRule& rule, Draft& draft) {
   const AttackMatch& match = rule.match;
   for (std::uint32_t identifier = 0; identifier < kNumStandardIdentifiers; ++identifier) {
     if (match.matches_identifier(identifier, false))
-      standard[identifier].push_back({index, -1, 0, 0});
+      draft.standard[identifier].push_back({index, -1, 0, 0});
   }
   if (match.identifier && !match.is_extended) return;
   extended_by_mask_.push_back(
@@ -72,10 +73,10 @@ void RuleTable::enter_by_identifier(std::uint32_t index, const AttackRule& rule,
 }
 
 void RuleTable::enter_by_message(std::uint32_t index, const AttackRule& rule,
-                                 const DbcMessage& message, Lists& standard) {
+                                 const DbcMessage& message, Draft& draft) {
   RuleCandidate candidate{index, -1, 0, 0};
   if (needs_signal(rule) || forges(rule)) {
-    std::optional<RuleTarget> target = make_target(index, rule, message);
+    std::optional<RuleTarget> target = make_target(index, rule, message, draft);
     if (!target) return;
     candidate.target = static_cast<std::int32_t>(targets_.size());
     targets_.push_back(std::move(*target));
@@ -84,34 +85,33 @@ void RuleTable::enter_by_message(std::uint32_t index, const AttackRule& rule,
   if (rule.action == AttackRule::Action::kInject) return;
   std::vector<RuleCandidate>& list = rule.is_on_way_back   ? commands_
                                      : message.is_extended ? extended_[message.identifier]
-                                                           : standard[message.identifier];
+                                                           : draft.standard[message.identifier];
   // A DBC that lists an identifier twice must not make a rule act twice.
   if (list.empty() || list.back().rule != index) list.push_back(candidate);
 }
 
 std::optional<RuleTarget> RuleTable::make_target(std::uint32_t index, const AttackRule& rule,
-                                                 const DbcMessage& message) {
+                                                 const DbcMessage& message, Draft& draft) {
   RuleTarget target;
   target.rule = index;
   target.key = frame_key(message.identifier, message.is_extended);
-  target.message = message;
   if (!rule.match.signal.empty()) {
     target.compared = copy_of(message.find(rule.match.signal));
     if (!target.compared) return std::nullopt;
   }
-  for (const std::string& name : rule.signals) {
-    const DbcSignal* signal = message.find(name);
-    if (signal == nullptr) return std::nullopt;
-    target.acted_on.push_back(*signal);
+  std::optional<std::vector<DbcSignal>> acted_on = find_signals(message, rule.signals);
+  if (!acted_on) return std::nullopt;
+  target.acted_on = std::move(*acted_on);
+  if (forges(rule)) {
+    const std::optional<CanFrame> forged = frame_to_forge(rule, message);
+    if (!forged) return std::nullopt;
+    target.forged = *forged;
+    if (!rule.counter_signal.empty()) target.counter = copy_of(message.find(rule.counter_signal));
   }
-  if (replays(rule)) {
-    target.history = history_for(rule, target.key);
-  }
-  if (!forges(rule)) return target;
-  const std::optional<CanFrame> forged = message.frame_for(target.acted_on);
-  if (!forged) return std::nullopt;
-  target.forged = *forged;
-  if (!rule.counter_signal.empty()) target.counter = copy_of(message.find(rule.counter_signal));
+  if (replays(rule)) target.history = history_for(rule, target.key);
+  std::shared_ptr<const DbcMessage>& shared = draft.messages[&message];
+  if (shared == nullptr) shared = std::make_shared<const DbcMessage>(message);
+  target.message = shared;
   return target;
 }
 

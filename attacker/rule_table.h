@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <unordered_map>
@@ -16,8 +17,8 @@ namespace holdfast {
 
 /// Where a rule finds its signals in one message.
 struct RuleTarget {
-  std::uint32_t rule = 0, key = 0;  // whose it is; frame_key() of the message
-  DbcMessage message;
+  std::uint32_t rule = 0, key = 0;            // whose it is; frame_key() of the message
+  std::shared_ptr<const DbcMessage> message;  // which the targets in it share
   std::optional<DbcSignal> compared;
   std::vector<DbcSignal> acted_on;
   CanFrame forged;  // of a rule that forges: the message before value and counter are set
@@ -64,14 +65,17 @@ class RuleTable {
   }
 
  private:
-  using Lists = std::vector<std::vector<RuleCandidate>>;  // by 11-bit identifier
+  struct Draft {
+    std::vector<std::vector<RuleCandidate>> standard;  // by 11-bit identifier
+    std::unordered_map<const DbcMessage*, std::shared_ptr<const DbcMessage>> messages;
+  };
 
   void enter_named_extended(const std::vector<AttackRule>& rules, const Dbc& dbc);
-  void enter_by_identifier(std::uint32_t index, const AttackRule& rule, Lists& standard);
+  void enter_by_identifier(std::uint32_t index, const AttackRule& rule, Draft& draft);
   void enter_by_message(std::uint32_t index, const AttackRule& rule, const DbcMessage& message,
-                        Lists& standard);
+                        Draft& draft);
   std::optional<RuleTarget> make_target(std::uint32_t index, const AttackRule& rule,
-                                        const DbcMessage& message);
+                                        const DbcMessage& message, Draft& draft);
   std::int32_t history_for(const AttackRule& rule, std::uint32_t key);
 
   std::vector<RuleTarget> targets_;

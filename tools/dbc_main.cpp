@@ -1,9 +1,11 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <ostream>
 #include <string>
 #include <vector>
 
+#include "common/errors.h"
 #include "tools/dbc_tool.h"
 #include "tools/printable_text.h"
 #include "tools/program_options.h"
@@ -26,6 +28,11 @@ Dbc load(const DbcOptions& options) {
   return dbc;
 }
 
+// A disk that is full must not pass for success.
+void finish_output(std::ostream& out) {
+  if (!out.flush()) throw JobError("the output cannot be written");
+}
+
 int decode(const DbcOptions& options) {
   const Dbc dbc = load(options);
   std::ifstream log(options.log);
@@ -39,7 +46,7 @@ int decode(const DbcOptions& options) {
   }
   std::ostream& csv = options.out.empty() ? std::cout : file;
   const DecodeCounts counts = decode_to_csv(dbc, log, csv);
-  if (!csv.flush()) throw JobError("the table cannot be written");
+  finish_output(csv);
   std::cerr << "frames " << counts.frames << "  decoded " << counts.decoded << "  not in the DBC "
             << counts.unknown << "  of another form " << counts.wrong_format << "  broken lines "
             << counts.broken_lines << '\n';
@@ -80,6 +87,7 @@ int main(int argc, char** argv) {
       std::cout << holdfast::encode_text(dbc, options.message, options.signals, remarks) << '\n';
       for (const std::string& remark : remarks) std::cerr << holdfast::printable(remark) << '\n';
     }
+    holdfast::finish_output(std::cout);
     return 0;
   });
 }

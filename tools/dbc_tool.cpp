@@ -41,16 +41,22 @@ const char* kind_text(const DbcSignal& signal) {
   return "float64";
 }
 
+std::string selector_ranges_text(const DbcSignal& signal) {
+  std::string text;
+  for (const auto& [first, last] : signal.selector_ranges) {
+    text += (text.empty() ? "" : ", ") + std::to_string(first);
+    if (last != first) text += "-" + std::to_string(last);
+  }
+  return text;
+}
+
 // The selector is named only where there are several.
 std::string multiplexing_text(const DbcMessage& message, const DbcSignal& signal) {
   std::string text;
   if (const DbcSignal* selector = message.selector_of(signal)) {
     const bool is_only = std::ranges::count_if(message.signals, &DbcSignal::is_selector) == 1;
-    const std::string when = is_only ? "when " : "when " + printable(selector->name, 100) + " ";
-    for (const auto& [first, last] : signal.selector_ranges) {
-      text += (text.empty() ? when : ", ") + std::to_string(first);
-      if (last != first) text += "-" + std::to_string(last);
-    }
+    text = is_only ? "when " : "when " + printable(selector->name, 100) + " ";
+    text += selector_ranges_text(signal);
   }
   if (signal.is_selector) text += text.empty() ? "selects" : "; selects";
   return text;
@@ -104,8 +110,10 @@ void write_frame(const CandumpRecord& record, const DbcMessage& message, std::os
   char time[40];
   std::snprintf(time, sizeof time, "%.6f", static_cast<double>(record.time_ns) * 1e-9);
   const CanFrame& frame = record.frame;
-  for (const DbcSignal& signal : message.signals) {
-    if (!message.carries(signal, frame.bytes())) continue;
+  const std::vector<bool> is_carried = message.carried_signals(frame.bytes());
+  for (std::size_t i = 0; i < message.signals.size(); ++i) {
+    if (!is_carried[i]) continue;
+    const DbcSignal& signal = message.signals[i];
     const std::string* name = name_of_value(signal, frame.bytes());
     csv << time << ',' << csv_text(record.interface_name) << ',' << identifier_text(frame) << ','
         << csv_text(message.name) << ',' << csv_text(signal.name) << ','
@@ -173,12 +181,25 @@ void write_value(const DbcSignal& signal, const std::string& text, std::span<std
     remarks.push_back(signal.name + ": " + text + " lies outside " + range);
 }
 
+// Of a signal that no frame carries: the selector above it that cannot have the value it needs.
+std::string impossible_selection(const DbcMessage& message, const DbcSignal& signal) {
+  std::string text;
+  const DbcSignal* selected = &signal;
+  while (const DbcSignal* selector = message.selector_of(*selected)) {
+    if (!message.frame_for({*selected}))
+      text = selector->name + " (" + std::to_string(selector->num_bits) + " bits, " +
+             kind_text(*selector) + ") would have to be " + selector_ranges_text(*selected);
+    selected = selector;
+  }
+  return text;
+}
+
 [[noreturn]] void refuse_together(const DbcMessage& message,
                                   const std::vector<DbcSignal>& signals) {
   for (const DbcSignal& signal : signals) {
     if (!message.frame_for({signal}))
-      throw UsageError("no frame of " + message.name + " carries " + signal.name +
-                       ": its selector has too few bits to say so");
+      throw UsageError("no frame of " + message.name + " carries " + signal.name + ": " +
+                       impossible_selection(message, signal));
   }
   throw UsageError("no frame of " + message.name + " carries all of these signals together");
 }

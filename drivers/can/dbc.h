@@ -26,7 +26,7 @@ struct DbcSignal {
   double offset = 0.0;
   double minimum = 0.0, maximum = 0.0;  // both 0: no limits
   std::string unit;
-  bool is_selector = false;  // M or mNM: it may say which others are there
+  bool is_selector = false;  // M or mNM, and no float: it may say which others are there
   /// Of a multiplexed signal: where its selector, which may be multiplexed in its turn, stands
   /// among the message's signals. Below 0: the signal is always there.
   int selector = -1;
@@ -65,6 +65,8 @@ struct DbcMessage {
   /// True when the signal is in the data: they are long enough, and its selector is in them and has
   /// a value that carries it.
   bool carries(const DbcSignal& signal, std::span<const std::uint8_t> data) const;
+  /// The same of each of the signals, in one walk.
+  std::vector<bool> carried_signals(std::span<const std::uint8_t> data) const;
   /// Frame with zero data, right identifier, flags and length (of FD: the next length there is).
   CanFrame empty_frame() const;
   /// The same, but each selector on the way up from these signals of the message has the least
@@ -100,7 +102,8 @@ std::optional<std::string> read_dbc_file(const std::string& file);
 ///
 /// Line ends may be LF, CRLF or CR; text that is not UTF-8 is read as Windows-1252. A signal that
 /// does not fit its message, or of which cannot be told when it is there, is a problem and is left
-/// out: up from each signal that is kept its selectors end at one that is always there.
+/// out: up from each signal that is kept its selectors, which are whole numbers, end at one that is
+/// always there.
 Dbc parse_dbc(const std::string& text);
 
 /// The text in UTF-8, without byte order mark: what is not UTF-8 already is read as Windows-1252,

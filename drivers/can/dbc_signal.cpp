@@ -5,6 +5,9 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "drivers/can/dbc.h"
 
@@ -64,25 +67,38 @@ bool nearest_float(double value, float& nearest) {
   return true;
 }
 
+// No range reaches beyond the values of std::int64_t.
 std::int64_t value_in(const DbcSignal& selector, std::span<const std::uint8_t> data) {
-  return static_cast<std::int64_t>(selector.raw(data));
+  constexpr std::uint64_t kMax = std::numeric_limits<std::int64_t>::max();
+  const std::uint64_t raw = selector.raw(data);
+  return static_cast<std::int64_t>(selector.kind == DbcSignal::Kind::kSigned ? raw
+                                                                             : std::min(raw, kMax));
 }
 
-// To the least value that carries all of these, which is the first of some range.
+// Least and greatest value that the selector can have.
+std::pair<std::int64_t, std::int64_t> values_of(const DbcSignal& selector) {
+  const bool is_signed = selector.kind == DbcSignal::Kind::kSigned;
+  const int magnitude_bits = std::min(is_signed ? selector.num_bits - 1 : selector.num_bits, 63);
+  const auto greatest = magnitude_bits == 0 ? 0 : static_cast<std::int64_t>(mask(magnitude_bits));
+  return {is_signed ? -greatest - 1 : 0, greatest};
+}
+
+// To the least value that carries all of these, which is the first that it can have of some range.
 void set_selector(const DbcSignal& selector, const std::vector<const DbcSignal*>& selected,
                   std::span<std::uint8_t> data) {
+  const auto [least, greatest] = values_of(selector);
   std::set<std::int64_t> candidates;
   for (const DbcSignal* signal : selected) {
-    for (const auto& range : signal->selector_ranges) candidates.insert(range.first);
+    for (const auto& [first, last] : signal->selector_ranges) {
+      const std::int64_t candidate = std::max(first, least);
+      if (candidate <= std::min(last, greatest)) candidates.insert(candidate);
+    }
   }
-  for (const std::int64_t candidate : candidates) {
-    selector.set_raw(data, static_cast<std::uint64_t>(candidate));
-    // Read back: it may have more bits than the selector.
-    const std::int64_t value = value_in(selector, data);
-    if (std::ranges::all_of(
-            selected, [value](const DbcSignal* signal) { return signal->is_selected_by(value); }))
-      return;
-  }
+  const auto found = std::ranges::find_if(candidates, [&selected](std::int64_t value) {
+    return std::ranges::all_of(
+        selected, [value](const DbcSignal* signal) { return signal->is_selected_by(value); });
+  });
+  if (found != candidates.end()) selector.set_raw(data, static_cast<std::uint64_t>(*found));
 }
 
 // Length of the UTF-8 sequence at the start of the text; 0 when it is none.
@@ -216,6 +232,28 @@ bool DbcMessage::carries(const DbcSignal& signal, std::span<const std::uint8_t> 
     selected = selector;
   }
   return true;
+}
+
+std::vector<bool> DbcMessage::carried_signals(std::span<const std::uint8_t> data) const {
+  std::vector<bool> is_known(signals.size()), is_carried(signals.size());
+  std::vector<std::size_t> unknown;  // from a signal up
+  for (std::size_t i = 0; i < signals.size(); ++i) {
+    unknown.clear();
+    for (std::size_t at = i; !is_known[at]; at = static_cast<std::size_t>(signals[at].selector)) {
+      is_known[at] = true;
+      unknown.push_back(at);
+      if (!signals[at].is_multiplexed()) break;
+    }
+    for (; !unknown.empty(); unknown.pop_back()) {
+      const DbcSignal& signal = signals[unknown.back()];
+      const DbcSignal* selector = selector_of(signal);
+      is_carried[unknown.back()] =
+          signal.fits(data.size()) &&
+          (selector == nullptr || (is_carried[static_cast<std::size_t>(signal.selector)] &&
+                                   signal.is_selected_by(value_in(*selector, data))));
+    }
+  }
+  return is_carried;
 }
 
 CanFrame DbcMessage::empty_frame() const {

@@ -10,6 +10,10 @@ namespace {
 
 constexpr const char* kFrameFormat = "VFrameFormat";
 
+bool is_float(const DbcSignal& signal) {
+  return signal.kind == DbcSignal::Kind::kFloat32 || signal.kind == DbcSignal::Kind::kFloat64;
+}
+
 }  // namespace
 
 // Reads "identifier signal". Null with is_good when the signal was left out on purpose: the reason
@@ -55,6 +59,8 @@ bool DbcReader::read_value_type() {
     // Its values would be read as what they are not.
     leave_out(*draft, offset, "type must be 0, 1 (32 bits) or 2 (64 bits)");
   }
+  if (type != 0 && signal.is_selector && !draft->is_left_out)
+    fail(offset, "'" + signal.name + "' is a float and cannot select: what it selects is left out");
   return skip_statement();
 }
 
@@ -171,7 +177,8 @@ bool DbcReader::leave_out(SignalDraft& draft, std::size_t offset, const std::str
   return fail(offset, reason + ": '" + draft.signal.name + "' is left out");
 }
 
-// The selector that SG_MUL_VAL_ names, else the only one that is always there.
+// The selector that SG_MUL_VAL_ names, else the only one that is always there. A float, whose
+// values are no whole numbers, selects nothing.
 void DbcReader::find_selectors(MessageDraft& draft) {
   std::unordered_map<std::string_view, int> place_of;  // selectors'
   std::vector<int> always;
@@ -196,6 +203,15 @@ void DbcReader::find_selectors(MessageDraft& draft) {
                 always.empty() ? none : "of several selectors no SG_MUL_VAL_ says which is its");
     }
   }
+  for (SignalDraft& signal : draft.signals) {
+    if (signal.is_left_out || !signal.signal.is_multiplexed()) continue;
+    const DbcSignal& selector =
+        draft.signals[static_cast<std::size_t>(signal.signal.selector)].signal;
+    if (is_float(selector))
+      leave_out(signal, signal.selection_offset, "its selector '" + selector.name + "' is a float");
+  }
+  for (SignalDraft& signal : draft.signals)
+    signal.signal.is_selector = signal.signal.is_selector && !is_float(signal.signal);
 }
 
 // What is selected by what is left out, or in a circle, can never be told to be there.

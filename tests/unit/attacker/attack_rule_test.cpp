@@ -185,6 +185,63 @@ TEST_CASE("signals of a rule that no frame carries together are a problem") {
   CHECK(says(problem("Mux", "A, B"), "no frame of message 'Mux' carries all of them"));
 }
 
+TEST_CASE("what is compared and what is written, or the counter, must stand in one frame") {
+  FrameLayout layout = test_layout();
+  layout.dbc.messages.push_back(parse_dbc("BO_ 5 Paged: 4 A\n"
+                                          " SG_ PAGE M : 0|4@1+ (1,0) [0|0] \"\" B\n"
+                                          " SG_ STEP m0 : 8|16@1+ (1,0) [0|0] \"\" B\n"
+                                          " SG_ HIGH m1 : 8|8@1+ (1,0) [0|0] \"\" B\n"
+                                          " SG_ NEVER m20 : 8|8@1+ (1,0) [0|0] \"\" B\n")
+                                    .messages.at(0));
+  const auto problem = [&](const std::string& match, const std::string& rest) {
+    return problems_of(
+        "attacks: [{name: a, match: {messages: [" + match + "}, action: " + rest + "}]", layout);
+  };
+  const std::string nested = "no frame of message 'Nested' carries all of them";
+  const std::string top = "Nested], signal: TOP, at_least: 1";
+  CHECK(problem("Nested], signal: PART, at_least: 1", "flip, signal: DEEP") == "");
+  CHECK(says(problem(top, "flip, signal: DEEP"), "attacks[0].signal: " + nested));
+  CHECK(says(problem(top, "freeze, signal: DEEP"), "attacks[0].signal: " + nested));
+  CHECK(says(problem(top, "substitute, signals: [PAGE, DEEP], value: {value: 1}"),
+             "attacks[0].signals: " + nested));
+  CHECK(says(problem("Paged], signal: NEVER, at_least: 1", "drop"),
+             "attacks[0].match.signal: no frame of message 'Paged' carries 'NEVER'"));
+  CHECK(says(problem("Paged]", "flip, signal: NEVER"), "carries 'NEVER'"));
+
+  // The network's counter, one of the rule's own, and none.
+  const std::string high = "signal: HIGH, value: {value: 1}";
+  const std::string counter = ": no frame of message 'Paged' carries the counter 'STEP'";
+  CHECK(says(problem("Paged]", "inject, " + high), "attacks[0].signal" + counter));
+  CHECK(says(problem("Paged]", "inject, counter_signal: STEP, " + high),
+             "attacks[0].counter_signal" + counter));
+  CHECK(problem("Paged]", "inject, counter_signal: PAGE, " + high) == "");
+  CHECK(problem("Paged]", "inject, counter_signal: \"\", " + high) == "");
+  CHECK(problem("Paged]", "inject, signal: PAGE, value: {value: 0}") == "");
+  CHECK(says(problem("Paged]", "inject, signal: PAGE, value: {value: 1}"),
+             "attacks[0].signal" + counter));
+  // A masquerade repeats what it heard: the network's counter may be in some of its frames only.
+  CHECK(problem("Paged]", "masquerade, " + high) == "");
+  CHECK(says(problem("Paged]", "masquerade, counter_signal: STEP, " + high),
+             "attacks[0].counter_signal: no frame of message 'Paged' carries all of them"));
+}
+
+TEST_CASE("a forgery may not write a selector so that its other signals are not there") {
+  const auto problem = [](const std::string& action, const std::string& value) {
+    return problems_of("attacks: [{name: a, match: {messages: [Nested]}, action: " + action +
+                       ", value: {" + value + "}}]");
+  };
+  const std::string wrong =
+      "attacks[0].value: no frame of message 'Nested' carries all signals when its selectors have "
+      "these values";
+  CHECK(problem("inject, signals: [PAGE, PART, DEEP]", "value: [1, 3, 9]") == "");
+  CHECK(problem("inject, signals: [PAGE]", "value: 5") == "");
+  CHECK(says(problem("inject, signals: [PAGE, DEEP]", "value: [0, 9]"), wrong));
+  CHECK(says(problem("inject, signals: [DEEP, PART]", "value: [9, 4]"), wrong));
+  CHECK(says(problem("masquerade, signals: [PAGE, DEEP]", "value: [0, 9]"), wrong));
+  // What is drawn is known in each frame only.
+  CHECK(problem("inject, signals: [PAGE, DEEP]", "distribution: uniform, low: 0, high: 2") == "");
+}
+
 TEST_CASE("a window counts both ends, in steps and in seconds, whatever the binary rounding") {
   StepWindow window;
   window.from_s = 0.3;

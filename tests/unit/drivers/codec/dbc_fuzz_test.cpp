@@ -2,6 +2,7 @@
 #include <optional>
 #include <random>
 #include <set>
+#include <vector>
 
 #include "drivers/can/dbc.h"
 #include "tests/support/catch.h"
@@ -15,6 +16,8 @@ int num_selectors_above(const DbcMessage& message, const DbcSignal& signal) {
   int count = 0;
   for (const DbcSignal* at = message.selector_of(signal); at != nullptr;) {
     REQUIRE(at->is_selector);
+    REQUIRE(at->kind != DbcSignal::Kind::kFloat32);
+    REQUIRE(at->kind != DbcSignal::Kind::kFloat64);
     REQUIRE(++count <= static_cast<int>(message.signals.size()));
     at = message.selector_of(*at);
   }
@@ -30,6 +33,9 @@ void check_invariants(const Dbc& dbc) {
     CanFrame frame = message.empty_frame();
     REQUIRE(is_valid(frame));
     REQUIRE(message.matches(frame));
+    const std::vector<bool> is_carried = message.carried_signals(frame.bytes());
+    for (std::size_t i = 0; i < message.signals.size(); ++i)
+      REQUIRE(is_carried.at(i) == message.carries(message.signals[i], frame.bytes()));
     for (const DbcSignal& signal : message.signals) {
       REQUIRE(signal.fits(message.num_bytes));
       REQUIRE(std::isfinite(signal.scale));

@@ -14,8 +14,11 @@ namespace {
 
 std::string carried(const DbcMessage& message, const std::vector<std::uint8_t>& data) {
   std::string names;
-  for (const DbcSignal& signal : message.signals) {
-    if (message.carries(signal, data)) names += signal.name + " ";
+  const std::vector<bool> is_carried = message.carried_signals(data);
+  for (std::size_t i = 0; i < message.signals.size(); ++i) {
+    const DbcSignal& signal = message.signals[i];
+    REQUIRE(message.carries(signal, data) == is_carried.at(i));
+    if (is_carried[i]) names += signal.name + " ";
   }
   return names;
 }
@@ -229,6 +232,69 @@ TEST_CASE("a later good selection does not bring back what was left out") {
   CHECK(names_of(dbc.messages.at(0)) == "S ");
 }
 
+TEST_CASE("a selector gets the least value that it can have, whatever a range begins with") {
+  struct Case {
+    const char* selector;  // bits, and + (unsigned) or - (signed)
+    const char* ranges;
+    std::optional<std::uint64_t> raw;  // of the selector in the frame that carries the signal
+  };
+  const Case cases[] = {{"3@1+", "-5-1", 0},
+                        {"3@1+", "6-9", 6},
+                        {"3@1+", "8-9", std::nullopt},
+                        {"3@1+", "-5--1", std::nullopt},
+                        {"3@1+", "-5--1, 9-9, 4-5", 4},
+                        {"4@1-", "15-15", std::nullopt},
+                        {"4@1-", "-20-3", 8},
+                        {"4@1-", "-3-3", 13},
+                        {"1@1-", "-1-0", 1},
+                        {"1@1-", "0-5", 0},
+                        {"1@1-", "1-5", std::nullopt},
+                        {"64@1+", "-5-1", 0},
+                        {"64@1+", "-5--1", std::nullopt},
+                        {"64@1-", "-5-1", ~std::uint64_t{0} - 4}};
+  for (const auto& [selector, ranges, raw] : cases) {
+    INFO(std::string(selector) + " " + ranges);
+    const Dbc dbc = parse_dbc("BO_ 5 X: 9 A\n SG_ S M : 0|" + std::string(selector) +
+                              " (1,0) [0|0] \"\" B\n SG_ a m0 : 64|8@1+ (1,0) [0|0] \"\" B\n"
+                              "SG_MUL_VAL_ 5 a S " +
+                              ranges + ";\n");
+    REQUIRE(dbc.problems.empty());
+    const DbcMessage& message = dbc.messages.at(0);
+    const DbcSignal& only = *message.find("S");
+    const auto frame = message.frame_for({*message.find("a")});
+    REQUIRE(frame.has_value() == raw.has_value());
+    if (raw) CHECK((only.raw(frame->bytes()) ^ *raw) << (64 - only.num_bits) == 0);
+  }
+}
+
+TEST_CASE("a float selects nothing: it stays, and what it would select is left out") {
+  const char* const text =
+      "BO_ 5 X: 8 A\n"
+      " SG_ S M : 0|32@1- (1,0) [0|0] \"\" B\n"
+      " SG_ a m1 : 32|8@1+ (1,0) [0|0] \"\" B\n"
+      " SG_ T m2M : 40|8@1+ (1,0) [0|0] \"\" B\n"
+      " SG_ b m0 : 48|8@1+ (1,0) [0|0] \"\" B\n"
+      " SG_ c : 56|8@1+ (1,0) [0|0] \"\" B\n"
+      "SG_MUL_VAL_ 5 b T 0-0;\n";
+  CHECK(names_of(parse_dbc(text).messages.at(0)) == "S a T b c ");
+  const Dbc dbc = parse_dbc(std::string(text) + "SIG_VALTYPE_ 5 S : 1;\n");
+  CHECK(names_of(dbc.messages.at(0)) == "S c ");
+  CHECK_FALSE(dbc.messages.at(0).find("S")->is_selector);
+  std::vector<std::pair<int, int>> places;
+  for (const DbcProblem& problem : dbc.problems) places.emplace_back(problem.line, problem.column);
+  CHECK(places == std::vector<std::pair<int, int>>{{3, 6}, {4, 6}, {7, 17}, {8, 20}});
+  CHECK(dbc.problems.back().text ==
+        "'S' is a float and cannot select: what it selects is left out");
+
+  // It does not leave the choice to the other one of two.
+  const Dbc two = parse_dbc(
+      "BO_ 5 X: 8 A\n SG_ S M : 0|32@1- (1,0) [0|0] \"\" B\n SG_ T M : 32|8@1+ (1,0) [0|0] \"\" B\n"
+      " SG_ a m1 : 40|8@1+ (1,0) [0|0] \"\" B\n SG_ b m1 : 48|8@1+ (1,0) [0|0] \"\" B\n"
+      "SG_MUL_VAL_ 5 b T 1-1;\nSIG_VALTYPE_ 5 S : 1;\n");
+  CHECK(names_of(two.messages.at(0)) == "S T b ");
+  CHECK(two.problems.size() == 2);
+}
+
 TEST_CASE("a selector of too few bits carries nothing, and a long chain is followed") {
   const Dbc narrow = parse_dbc(
       "BO_ 5 X: 8 A\n SG_ S M : 0|2@1+ (1,0) [0|0] \"\" B\n SG_ a m9 : 8|8@1+ (1,0) [0|0] \"\" "
@@ -249,6 +315,8 @@ TEST_CASE("a selector of too few bits carries nothing, and a long chain is follo
   REQUIRE(frame);
   CHECK(frame->data[0] == 1);
   CHECK_FALSE(message.carries(message.signals.back(), message.empty_frame().bytes()));
+  CHECK(carried(message, {1}) == names_of(message));
+  CHECK(carried(message, {0}) == "s0 ");
 }
 
 }  // namespace holdfast

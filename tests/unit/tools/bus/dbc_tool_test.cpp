@@ -29,6 +29,10 @@ BO_ 304 Mux: 2 Tank
 BO_ 305 Narrow: 2 Tank
  SG_ WHICH M : 0|2@1+ (1,0) [0|3] "" Tank
  SG_ FAR m9 : 8|8@1+ (1,0) [0|255] "" Tank
+BO_ 310 Below: 2 Tank
+ SG_ SIDE M : 0|4@1- (1,0) [-8|7] "" Tank
+ SG_ MIDDLE m15M : 4|4@1+ (1,0) [0|15] "" Tank
+ SG_ LOW m1 : 8|8@1+ (1,0) [0|255] "" Tank
 BO_ 306 Nested: 2 Tank
  SG_ PAGE M : 0|4@1+ (1,0) [0|15] "" Tank
  SG_ PART m1M : 4|4@1+ (1,0) [0|15] "" Tank
@@ -45,6 +49,7 @@ VAL_ 256 HIGH 0 "dry" 1 "wet, very" ;
 VAL_ 309 NAMED 1 "one" 9 "nine" ;
 VAL_ 307 ALL -9223372036854775807 "least but one" ;
 SIG_VALTYPE_ 309 F : 1;
+SG_MUL_VAL_ 310 LOW MIDDLE 1-1;
 SG_MUL_VAL_ 306 DEEP PART 2-3, 7-7;
 )dbc");
   return dbc;
@@ -117,8 +122,12 @@ TEST_CASE("a frame is written by names, numbers, and names of values") {
   CHECK(encoded("Mux", {"WHICH=1", "A=7"}) == "130#0107");
   CHECK(problem_of("Mux", {"A=1", "B=1"}).find("together") != std::string::npos);
   CHECK(problem_of("Mux", {"WHICH=1", "B=1"}).find("together") != std::string::npos);
-  CHECK(problem_of("Narrow", {"FAR=1"}).find("no frame of Narrow carries FAR") !=
-        std::string::npos);
+  CHECK(problem_of("Narrow", {"FAR=1"}) ==
+        "no frame of Narrow carries FAR: WHICH (2 bits, unsigned) would have to be 9");
+  for (const char* signal : {"MIDDLE", "LOW"})
+    CHECK(problem_of("Below", {std::string(signal) + "=1"}) ==
+          "no frame of Below carries " + std::string(signal) +
+              ": SIDE (4 bits, signed) would have to be 15");
   CHECK(problem_of("Level", {"HIGH=1", "HIGH=0"}).find("twice") != std::string::npos);
   CHECK(problem_of("Nobody", {}).find("Nobody") != std::string::npos);
   CHECK(problem_of("Level", {"LOW=1"}).find("LOW") != std::string::npos);
