@@ -9,36 +9,24 @@
 namespace holdfast {
 namespace {
 
-const char* told_as(ModbusAnswer answer) {
-  switch (answer) {
-    case ModbusAnswer::kInputs:
-      return "answers";
-    case ModbusAnswer::kSilent:
-      return "does not answer";
-    case ModbusAnswer::kBroken:
-      return "cannot be understood";
-    case ModbusAnswer::kException:
-      return "refuses";
-    case ModbusAnswer::kLineGone:
-      return "cannot be asked, the line is gone";
-  }
-  return "";
-}
+struct AnswerWords {
+  const char *counter, *told;
+};
 
-const char* counter_of(ModbusAnswer answer) {
+AnswerWords words_of(ModbusAnswer answer) {
   switch (answer) {
     case ModbusAnswer::kInputs:
-      return "answers";
+      return {"answers", "answers"};
     case ModbusAnswer::kSilent:
-      return "silent";
+      return {"silent", "does not answer"};
     case ModbusAnswer::kBroken:
-      return "broken_answers";
+      return {"broken_answers", "cannot be understood"};
     case ModbusAnswer::kException:
-      return "exceptions";
+      return {"exceptions", "refuses"};
     case ModbusAnswer::kLineGone:
-      return "line_gone";
+      return {"line_gone", "cannot be asked, the line is gone"};
   }
-  return "";
+  return {"unknown_answers", "answers in an unknown way"};
 }
 
 const BinarySensors& sensors_with_units(const Experiment& experiment) {
@@ -99,7 +87,7 @@ ModbusAnswer ModbusGateway::ask(const ModbusUnit& unit, const ModbusRequest& req
   const ModbusAnswer answer = client_.read_inputs(unit.unit(), request.first_input, inputs_);
   if (answer == ModbusAnswer::kInputs) ++num_answers_;
   ++status_.counter("requests");
-  ++status_.counter(counter_of(answer));
+  ++status_.counter(words_of(answer).counter);
   return answer;
 }
 
@@ -107,9 +95,9 @@ void ModbusGateway::end_unit() {
   // A unit that is pulled out is told of once, not in each step.
   if (last_failure_ != told_[unit_]) {
     const bool has_failed = last_failure_ != ModbusAnswer::kInputs;
-    status_.remark("unit " + std::to_string(units_[unit_].unit()) + " " + told_as(last_failure_) +
-                   (has_failed ? " (" + client_.problem() + ")" : "") + ", step " +
-                   std::to_string(step_));
+    status_.remark(
+        "unit " + std::to_string(units_[unit_].unit()) + " " + words_of(last_failure_).told +
+        (has_failed ? " (" + client_.problem() + ")" : "") + ", step " + std::to_string(step_));
   }
   told_[unit_] = last_failure_;
   last_failure_ = ModbusAnswer::kInputs;
