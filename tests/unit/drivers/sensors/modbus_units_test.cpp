@@ -7,6 +7,7 @@
 #include "common/random_stream.h"
 #include "drivers/sensors/sensor_states.h"
 #include "tests/support/catch.h"
+#include "tests/unit/drivers/sensors/random_readings.h"
 
 namespace holdfast {
 namespace {
@@ -30,11 +31,7 @@ BinarySensors units_of(const std::string& options = "{}") {
 }
 
 std::vector<std::vector<double>> bits_of(std::int64_t step) {
-  const RandomStream stream(5, 0, "test/units");
-  std::vector<std::vector<double>> readings;
-  for (std::uint64_t i = 0; i < 5; ++i)
-    readings.push_back({stream.uniform(static_cast<std::uint32_t>(step), i) < 0.5 ? 0.0 : 1.0});
-  return readings;
+  return testing::random_readings(5, step);
 }
 
 CanFrame frame_of(const ModbusUnit& unit) {

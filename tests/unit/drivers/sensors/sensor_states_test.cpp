@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <map>
 
-#include "common/random_stream.h"
 #include "tests/support/catch.h"
+#include "tests/unit/drivers/sensors/random_readings.h"
 
 namespace holdfast {
 namespace {
@@ -63,11 +63,7 @@ struct Bench {
 };
 
 std::vector<std::vector<double>> readings_of(std::int64_t step) {
-  const RandomStream stream(3, 0, "test/sensors");
-  std::vector<std::vector<double>> readings;
-  for (std::uint64_t i = 0; i < 6; ++i)
-    readings.push_back({stream.uniform(static_cast<std::uint32_t>(step), i) < 0.5 ? 0.0 : 1.0});
-  return readings;
+  return testing::random_readings(6, step);
 }
 
 std::map<int, double> values_of(const MeasurementSet& set) {
