@@ -25,6 +25,8 @@ Dbc load(const DbcOptions& options) {
   std::cerr << problems_text(dbc, options.file);
   if (options.is_strict && !dbc.problems.empty())
     throw UsageError(options.file + ": " + std::to_string(dbc.problems.size()) + " problems");
+  if (dbc.messages.empty())
+    throw UsageError(options.file + ": not one message was read; is this a DBC file?");
   return dbc;
 }
 

@@ -41,7 +41,8 @@ int ask_units(const Experiment& experiment, const LiveModbus& options, CanBus& b
   loop.every(0.25, [&] { gateway.status().publish(); });
   loop.on_stop_signal([&] { loop.stop(); });
   gateway.status().set_state(ProcessState::kReady);
-  gateway.status().publish();
+  gateway.status().remark("asks the units on " + options.line + ", " +
+                          std::to_string(experiment.num_steps) + " steps");
   loop.run();
   const std::string fault =
       gateway.is_finished() ? gateway.fault() : "stopped before the last step";
@@ -68,7 +69,7 @@ int serve_unit(const Experiment& experiment, const LiveModbus& options, CanBus& 
   loop.every(0.25, [&] { unit.publish_status(); });
   loop.on_stop_signal([&] { loop.stop(); });
   unit.status().set_state(ProcessState::kReady);
-  unit.publish_status();
+  unit.status().remark("answers on " + options.line);
   loop.run();
   unit.status().set_state(fault.empty() ? ProcessState::kFinished : ProcessState::kFailed);
   if (!fault.empty()) unit.status().remark(fault);

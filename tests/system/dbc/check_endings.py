@@ -1,6 +1,7 @@
-"""Runs holdfast-dbc with its output on a device that is always full.
+"""How holdfast-dbc ends: with its output on a device that is always full, and with a file that is no DBC file.
 
-Exit status 0: each command then ends with status 1 and says why, and with 0 where the output goes somewhere; 1 otherwise.
+Exit status 0: each command ends with status 1 for the device, 2 for the file, and says why, and with 0 where all is well;
+1 otherwise.
 """
 import os
 import subprocess
@@ -29,6 +30,10 @@ def main():
             if kept.returncode != 0 or not kept.stdout:
                 problems += 1
                 print(f"{command[0]}: status {kept.returncode}: {kept.stdout!r} {kept.stderr!r}")
+            wrong = subprocess.run([program, command[0], log, *command[2:]], capture_output=True, text=True, check=False)
+            if wrong.returncode != 2 or "not one message was read" not in wrong.stderr or wrong.stdout:
+                problems += 1
+                print(f"{command[0]} of a log: status {wrong.returncode}: {wrong.stdout!r} {wrong.stderr!r}")
     return 1 if problems else 0
 
 
