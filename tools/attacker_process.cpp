@@ -10,7 +10,7 @@ namespace holdfast {
 namespace {
 
 constexpr int kReadsPerLook = 16, kReadsPerLookMax = 128;
-constexpr std::int64_t kTurnMax_ns = 100'000'000, kTurnOneWayMax_ns = 200'000'000;
+constexpr std::int64_t kTurnMax_ns = 200'000'000;
 
 }  // namespace
 
@@ -49,24 +49,31 @@ int AttackerProcess::end_status(CanBus& from, CanBus& to) const {
 }
 
 void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
-  // Bounded in time, so that timers, signals and the other bus get their turn. The clock is asked
-  // rarely, and more rarely while frames are quick: in a guest kernel it costs as much as a read.
+  // What goes back is due in a certain step: no read may wait, and the other bus has the next turn.
+  if (has_way_back()) {
+    forward_batch(from.read(batch_), from, to);
+    return;
+  }
+  // Bounded in time, so that timers, signals and control get their turn. The clock is asked rarely,
+  // and more rarely while frames are quick: in a guest kernel it costs as much as a read.
   const std::int64_t started_ns = monotonic_time_ns();
-  // Timers, signals and control can wait for longer than a command to the plant.
-  const std::int64_t turn_ns = has_way_back() ? kTurnMax_ns : kTurnOneWayMax_ns;
   int next_look = kReadsPerLook;
   bool is_last = false;
   for (int reads = 1;; ++reads) {
     if (reads == next_look) {
-      is_last = monotonic_time_ns() - started_ns > turn_ns;
+      is_last = monotonic_time_ns() - started_ns > kTurnMax_ns;
       next_look += std::min(reads, kReadsPerLookMax);
     }
     const std::size_t count = is_last ? from.read(batch_) : from.read_waiting(batch_);
-    out_.clear();
-    for (std::size_t i = 0; i < count && !is_finished(); ++i) forward(batch_[i]);
-    send(from, to);
+    forward_batch(count, from, to);
     if (count == 0 || is_last || is_finished()) return;
   }
+}
+
+void AttackerProcess::forward_batch(std::size_t count, CanBus& from, CanBus& to) {
+  out_.clear();
+  for (std::size_t i = 0; i < count && !is_finished(); ++i) forward(batch_[i]);
+  send(from, to);
 }
 
 void AttackerProcess::forward(const CanFrame& frame) {

@@ -36,7 +36,8 @@ class AttackerProcess {
   /// buses are read and written.
   bool has_way_back() const { return experiment_.layout.has_way_back(); }
 
-  /// Forwards all that has arrived from the sensor-side bus.
+  /// Forwards what arrives from the sensor-side bus: all, waiting for more meanwhile, and where
+  /// frames go back one batch without waiting.
   void on_readable(CanBus& from, CanBus& to);
   /// Forwards the commands among what has arrived from the monitor-side bus. Reading the rest tells
   /// the bus's state, and keeps the queue short where the bus delivers frames all the same.
@@ -47,6 +48,7 @@ class AttackerProcess {
   ProxyCore& core() { return core_; }
 
  private:
+  void forward_batch(std::size_t count, CanBus& from, CanBus& to);
   void forward(const CanFrame& frame);
   void send(CanBus& from, CanBus& to);
   void record(const std::vector<AttackRecord>& records);

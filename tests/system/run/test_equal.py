@@ -141,7 +141,8 @@ class EqualTest(RunTest):
         run = self.check(network_scenario("binary_canopen"), ("secure", "trusting"), sets(
             attacks=rules, network__sensor_options__nodes_start_themselves="false",
             network__sensor_options__outages="[{sensor: node 2 input 1, first_step: 30, last_step: 33}]",
-            period_s=0.02 * harness.PATIENCE))
+            # The NMT start must be back before the next step, also right after the processes began.
+            period_s=0.04 * harness.PATIENCE))
         invalid = {}
         for channel, payload in harness.read_log(run.log):
             if channel == "MEASUREMENT":

@@ -188,7 +188,7 @@ class ModbusTest(RunTest):
 
     def options(self, **values):
         self.num_steps = 60
-        return sets(steps=self.num_steps, attacks="[]", period_s=0.02, network__sensor_options__modbus_timeout_s=1.0, **values)
+        return sets(steps=self.num_steps, attacks="[]", period_s=0.02, network__sensor_options__modbus_timeout_s=2.0, **values)
 
     def plain_scenario(self):
         """The same plant with a frame for each reading of each step."""
@@ -270,7 +270,11 @@ class ModbusTest(RunTest):
                          {step: what for step, what in expected.items() if step != 6})
 
     def test_a_line_that_is_gone_and_back(self):
+        """The gateway asks on by the clock, so a busy machine needs many steps to see that the line went and to give it back."""
         steps = {}
+        options = self.options(network__sensor_options__outages="[]")
+        self.num_steps = 600
+        options += sets(steps=self.num_steps)
 
         def on_set(line, step):
             if step == 20:
@@ -279,7 +283,7 @@ class ModbusTest(RunTest):
                 steps["back"] = step
                 line.plug("gateway")
 
-        measured, _, counters = self.run_over_line(self.options(network__sensor_options__outages="[]"), on_set)
+        measured, _, counters = self.run_over_line(options, on_set)
         self.assertIn("back", steps, "nobody saw that the line was gone")
         self.assertGreater(counters["line_gone"], 0)
         missing = [step for step in self.missing(measured) if step > 20]
