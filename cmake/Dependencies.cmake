@@ -30,6 +30,13 @@ add_library(holdfast_modbus INTERFACE)
 target_include_directories(holdfast_modbus SYSTEM INTERFACE ${MODBUS_INCLUDE_DIR})
 target_link_libraries(holdfast_modbus INTERFACE ${MODBUS_LIBRARY})
 
+# A frame sent and the next one awaited in one system call.
+find_path(URING_INCLUDE_DIR liburing.h REQUIRED)
+find_library(URING_LIBRARY uring REQUIRED)
+add_library(holdfast_uring INTERFACE)
+target_include_directories(holdfast_uring SYSTEM INTERFACE ${URING_INCLUDE_DIR})
+target_link_libraries(holdfast_uring INTERFACE ${URING_LIBRARY})
+
 find_package(SQLite3 REQUIRED)
 add_library(holdfast_sqlite INTERFACE)
 target_link_libraries(holdfast_sqlite INTERFACE SQLite::SQLite3)

@@ -51,12 +51,14 @@ int AttackerProcess::end_status(CanBus& from, CanBus& to) const {
 void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
   // What goes back is due in a certain step: no read may wait, and the other bus has the next turn.
   if (has_way_back()) {
-    forward_batch(from.read(batch_), from, to);
+    forward_batch(from.read(batch_));
+    send(from, to);
     return;
   }
   // Bounded in time, so that timers, signals and control get their turn. The clock is asked rarely,
   // and more rarely while frames are quick: in a guest kernel it costs as much as a read.
   const std::int64_t started_ns = monotonic_time_ns();
+  out_.clear();
   int next_look = kReadsPerLook;
   bool is_last = false;
   for (int reads = 1;; ++reads) {
@@ -64,16 +66,31 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
       is_last = monotonic_time_ns() - started_ns > kTurnMax_ns;
       next_look += std::min(reads, kReadsPerLookMax);
     }
-    const std::size_t count = is_last ? from.read(batch_) : from.read_waiting(batch_);
-    forward_batch(count, from, to);
-    if (count == 0 || is_last || is_finished()) return;
+    // Frames whose record nobody waits for go with the next read: in one system call where it can
+    // be.
+    if (is_last) send(from, to);
+    const std::size_t count = is_last ? from.read(batch_) : from.hand_over(to, out_.frames, batch_);
+    forward_batch(count);
+    const bool is_over = count == 0 || is_last || is_finished();
+    if (link_ == nullptr && !is_over) continue;
+    send(from, to);
+    out_.clear();
+    if (is_over) return;
   }
 }
 
-void AttackerProcess::forward_batch(std::size_t count, CanBus& from, CanBus& to) {
+void AttackerProcess::forward_batch(std::size_t count) {
   out_.clear();
   for (std::size_t i = 0; i < count && !is_finished(); ++i) forward(batch_[i]);
-  send(from, to);
+  leave_unchanged();
+}
+
+void AttackerProcess::leave_unchanged() {
+  if (!is_dry_) return;
+  out_.frames.swap(read_);
+  out_.commands.swap(read_commands_);
+  read_.clear();
+  read_commands_.clear();
 }
 
 void AttackerProcess::forward(const CanFrame& frame) {
@@ -95,17 +112,12 @@ void AttackerProcess::on_monitor_readable(CanBus& from, CanBus& to) {
       if (is_dry_ && core_.goes_back(batch_[i])) read_commands_.push_back(batch_[i]);
       core_.on_monitor_frame(batch_[i], out_);
     }
+    leave_unchanged();
     send(from, to);
   }
 }
 
 void AttackerProcess::send(CanBus& from, CanBus& to) {
-  if (is_dry_) {
-    out_.frames.swap(read_);
-    out_.commands.swap(read_commands_);
-    read_.clear();
-    read_commands_.clear();
-  }
   // Commands first: they are awaited for their steps.
   if (!out_.commands.empty()) from.write(out_.commands);
   if (!out_.frames.empty()) to.write(out_.frames);

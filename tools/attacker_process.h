@@ -48,7 +48,8 @@ class AttackerProcess {
   ProxyCore& core() { return core_; }
 
  private:
-  void forward_batch(std::size_t count, CanBus& from, CanBus& to);
+  void forward_batch(std::size_t count);
+  void leave_unchanged();
   void forward(const CanFrame& frame);
   void send(CanBus& from, CanBus& to);
   void record(const std::vector<AttackRecord>& records);

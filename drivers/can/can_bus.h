@@ -43,6 +43,13 @@ class CanBus {
   virtual std::size_t read_waiting(std::span<CanFrame> frames) { return read(frames); }
   static constexpr double kReadWait_s = 0.02;
 
+  /// Like to.write(out) and then read_waiting(frames). Where both buses can, in one system call.
+  virtual std::size_t hand_over(CanBus& to, std::span<const CanFrame> out,
+                                std::span<CanFrame> frames) {
+    if (!out.empty()) to.write(out);
+    return read_waiting(frames);
+  }
+
   /// Sends in order. A full queue (ENOBUFS, EAGAIN) or an interface that is down is waited for, up
   /// to the time-out, then the frame is dropped and counted. Returns the number sent.
   virtual std::size_t write(std::span<const CanFrame> frames) = 0;

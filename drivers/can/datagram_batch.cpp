@@ -59,11 +59,15 @@ int ReceiveBatch::receive_one(int fd) {
   do {
     result = recv(fd, data_.data(), bytes_max_, MSG_TRUNC);
   } while (result < 0 && errno == EINTR);
-  if (result < 0) return -errno;
+  return note_one(result < 0 ? -errno : result);
+}
+
+int ReceiveBatch::note_one(std::int64_t length) {
+  if (length < 0) return static_cast<int>(length);
   // With MSG_TRUNC the length is the datagram's own, which may be more than was kept.
-  const auto length = static_cast<std::size_t>(result);
-  headers_[0].msg_len = static_cast<unsigned>(std::min(length, bytes_max_));
-  headers_[0].msg_hdr.msg_flags = length > bytes_max_ ? MSG_TRUNC : 0;
+  const auto own = static_cast<std::size_t>(length);
+  headers_[0].msg_len = static_cast<unsigned>(std::min(own, bytes_max_));
+  headers_[0].msg_hdr.msg_flags = own > bytes_max_ ? MSG_TRUNC : 0;
   times_ns_[0] = 0;
   return 1;
 }

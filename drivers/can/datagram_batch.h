@@ -27,6 +27,11 @@ class ReceiveBatch {
   /// stamp, no drop count. Returns 1 or -errno.
   int receive_one(int fd);
 
+  /// Where another call puts a datagram; tell note_one() what that call returned.
+  std::span<std::uint8_t> room() { return {data_.data(), bytes_max_}; }
+  /// The datagram in room() is now the first one: length is its own, or -errno. Returns 1 or that.
+  int note_one(std::int64_t length);
+
   std::span<const std::uint8_t> bytes(std::size_t i) const;
   bool is_cut(std::size_t i) const { return (headers_[i].msg_hdr.msg_flags & MSG_TRUNC) != 0; }
   /// Wall clock, nanoseconds; 0 when the kernel gave no stamp.
@@ -53,6 +58,9 @@ class SendBatch {
   explicit SendBatch(std::size_t bytes_max);
 
   std::span<std::uint8_t> slot(std::size_t i);
+  std::span<const std::uint8_t> filled(std::size_t i) const {
+    return {data_.data() + i * bytes_max_, vectors_[i].iov_len};
+  }
   void set_size(std::size_t i, std::size_t num_bytes) { vectors_[i].iov_len = num_bytes; }
   /// Sends slots first..first+num-1 in order; returns how many the kernel took, or -errno.
   int send(int fd, std::size_t first, std::size_t num);

@@ -11,6 +11,8 @@
 
 namespace holdfast {
 
+class RingExchange;
+
 /// Bytes of the kernel's struct canfd_frame; a classic struct can_frame has 16.
 inline constexpr std::size_t kKernelFrameBytesMax = 72;
 
@@ -42,11 +44,16 @@ class SocketCanBus : public CanBus {
   /// Takes an open socket that carries the kernel's frames as datagrams (a socketpair, in tests).
   SocketCanBus(FileDescriptor open_socket, const std::string& name, const BusOptions& options);
 
+  ~SocketCanBus() override;
+
   int file_descriptor() const override { return wake_.get(); }
   std::size_t read(std::span<CanFrame> frames) override { return read_frames(frames, false); }
   std::size_t read_waiting(std::span<CanFrame> frames) override {
     return read_frames(frames, true);
   }
+  /// In one call where frames come one by one, to another SocketCAN bus, without receive times.
+  std::size_t hand_over(CanBus& to, std::span<const CanFrame> out,
+                        std::span<CanFrame> frames) override;
   /// Throws std::logic_error when the bus was opened read-only.
   std::size_t write(std::span<const CanFrame> frames) override;
   /// True when the other end of a socketpair was closed.
@@ -64,6 +71,9 @@ class SocketCanBus : public CanBus {
   void bind_to(int index);
   void check_link();
   void set_state(State state);
+  bool can_exchange();
+  std::size_t prepare_one(std::span<const CanFrame> out);
+  void finish_one(int sent);
   std::size_t read_frames(std::span<CanFrame> frames, bool is_waiting);
   void on_read_error(int error);
   bool take(std::size_t i, CanFrame& frame);
@@ -90,6 +100,8 @@ class SocketCanBus : public CanBus {
   // As many as a batch holds: what queues meanwhile is taken at once by the next longer call.
   static constexpr int kSinglesMax = 63;
   int singles_left_ = 0;
+  bool has_tried_ring_ = false;
+  std::unique_ptr<RingExchange> ring_;  // none where the kernel has none
   std::string last_error_text_;
   ReceiveBatch received_;
   SendBatch sending_;
