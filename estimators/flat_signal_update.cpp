@@ -76,8 +76,12 @@ void FlatSignalUpdate::predict(const double* z, Eigen::Ref<Eigen::VectorXd> y) {
 void FlatSignalUpdate::project(const Factor& factor,
                                Eigen::Ref<GaussianMixture::RowMajor> residuals) {
   factor.S.matrixL().solveInPlace(residuals);
-  explained_.noalias() = factor.G * residuals;
-  residuals.noalias() -= factor.G.transpose() * explained_;
+  // A matrix would take new memory whenever the number of columns changes.
+  const auto size = static_cast<std::size_t>(H_.cols() * residuals.cols());
+  if (projected_.size() < size) projected_.resize(size);
+  Eigen::Map<Eigen::MatrixXd> projected(projected_.data(), H_.cols(), residuals.cols());
+  projected.noalias() = factor.G * residuals;
+  residuals.noalias() -= factor.G.transpose() * projected;
 }
 
 void FlatSignalUpdate::correct(const Factor& factor, const double* z, Eigen::VectorXd& residual,

@@ -44,6 +44,7 @@ class FlatSignalUpdate {
   // Scratch.
   Eigen::MatrixXd Px_, CP_, S_, lambda_, Paa_, Pxa_, transform_, explained_;
   Eigen::VectorXd x_, a_;
+  std::vector<double> projected_;  // of as many columns as there are packets
 };
 
 }  // namespace holdfast

@@ -13,6 +13,7 @@ struct ComponentTag {
   bool was_attacked = false;  // the step before: its a_{k-1} is part of the component
   double delivered = 0.0;     // alpha of the beta density of the delivery probability, when
   double lost = 0.0;          // it is estimated, and beta; both 0 when it is known
+  int origin = -1;            // entry of the PacketHistory of this step, -1: none
 };
 
 /// A Gaussian mixture in contiguous storage: log weights, means, and covariances by index.

@@ -19,7 +19,8 @@ HybridBernoulliCorrection::HybridBernoulliCorrection(const SystemModel& model,
 StepOutcome HybridBernoulliCorrection::correct(const HybridBernoulliBelief& belief,
                                                const PacketNode& node,
                                                HybridBernoulliBelief& corrected,
-                                               std::span<double> packet_probability) {
+                                               std::span<double> packet_probability,
+                                               PacketHistory* history) {
   make_rule(node);
   const double log_n0 = correction0_.weigh(belief.p0, node, rule_);
   const double log_n1 = correction1_.weigh(belief.p1, node, rule_);
@@ -31,7 +32,16 @@ StepOutcome HybridBernoulliCorrection::correct(const HybridBernoulliBelief& beli
   }
   corrected.log_not_r = joint[0] - log_sum;
   corrected.log_r = joint[1] - log_sum;
+  if (history == nullptr) judge(belief, log_sum, node, packet_probability);
+  build(correction0_, log_n0, belief.p0, corrected.p0, history);
+  build(correction1_, log_n1, belief.p1, corrected.p1, history);
+  const bool has_failed = correction0_.num_failures() + correction1_.num_failures() > 0;
+  return has_failed ? StepOutcome::kFactorisationFailed : StepOutcome::kOk;
+}
 
+void HybridBernoulliCorrection::judge(const HybridBernoulliBelief& belief, double log_sum,
+                                      const PacketNode& node,
+                                      std::span<double> packet_probability) {
   shares_.assign(static_cast<std::size_t>(node.count()), 0.0);
   correction0_.add_shares(belief.log_not_r - log_sum, shares_);
   correction1_.add_shares(belief.log_r - log_sum, shares_);
@@ -41,21 +51,19 @@ StepOutcome HybridBernoulliCorrection::correct(const HybridBernoulliBelief& beli
       packet_probability[static_cast<std::size_t>(position)] = std::min(shares_[c++], 1.0);
     }
   }
-  build(correction0_, log_n0, belief.p0, corrected.p0);
-  build(correction1_, log_n1, belief.p1, corrected.p1);
-  const bool has_failed = correction0_.num_failures() + correction1_.num_failures() > 0;
-  return has_failed ? StepOutcome::kFactorisationFailed : StepOutcome::kOk;
 }
 
 // The density of a hypothesis that became impossible stays: it may come back.
 void HybridBernoulliCorrection::build(MixtureCorrection& correction, double log_sum,
-                                      const GaussianMixture& before, GaussianMixture& after) {
+                                      const GaussianMixture& before, GaussianMixture& after,
+                                      PacketHistory* history) {
   if (!std::isfinite(log_sum)) {
     after = before;
     return;
   }
   prune(correction.log_weights(), std::log(options_.prune_below) + log_sum, kChildrenMax, kept_);
   correction.build(kept_, log_sum, after);
+  if (history != nullptr) correction.record(kept_, log_sum, after, *history);
   after.normalise();
 }
 

@@ -7,6 +7,7 @@
 #include "estimators/estimate.h"
 #include "estimators/hybrid_bernoulli_belief.h"
 #include "estimators/mixture_correction.h"
+#include "estimators/packet_history.h"
 
 namespace holdfast {
 
@@ -30,21 +31,24 @@ class HybridBernoulliCorrection {
                             const std::vector<std::vector<int>>& rows);
 
   /// corrected is overwritten; it has the layout's mixtures and is another object. Posterior of
-  /// each packet being authentic goes to packet_probability[position]. kDegenerateWeights: no
-  /// hypothesis explains the packets, corrected is the belief; kFactorisationFailed: components
-  /// were lost.
+  /// each packet being authentic goes to packet_probability[position]; with a history, which other
+  /// nodes share, to it instead. kDegenerateWeights: no hypothesis explains the packets, corrected
+  /// is the belief; kFactorisationFailed: components were lost.
   StepOutcome correct(const HybridBernoulliBelief& belief, const PacketNode& node,
-                      HybridBernoulliBelief& corrected, std::span<double> packet_probability);
+                      HybridBernoulliBelief& corrected, std::span<double> packet_probability,
+                      PacketHistory* history = nullptr);
   /// Children of p0 and of p1 weighed in the last correct().
   std::array<std::size_t, 2> num_candidates() const {
     return {correction0_.log_weights().size(), correction1_.log_weights().size()};
   }
 
  private:
+  void judge(const HybridBernoulliBelief& belief, double log_sum, const PacketNode& node,
+             std::span<double> packet_probability);
   void make_rule(const PacketNode& node);
   bool make_certain_rule(const PacketNode& node);
   void build(MixtureCorrection& correction, double log_sum, const GaussianMixture& before,
-             GaussianMixture& after);
+             GaussianMixture& after, PacketHistory* history);
 
   HybridBernoulliOptions options_;
   MixtureCorrection correction0_, correction1_;

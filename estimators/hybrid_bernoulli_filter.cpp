@@ -12,9 +12,25 @@
 #include "estimators/hybrid_bernoulli_packets.h"
 #include "estimators/hybrid_bernoulli_prediction.h"
 #include "estimators/mixture_reduction.h"
+#include "estimators/packet_history.h"
 
 namespace holdfast {
 namespace {
+
+void forget_origins(GaussianMixture& mixture) {
+  for (int j = 0; j < mixture.size(); ++j) {
+    ComponentTag tag = mixture.tag(j);
+    tag.origin = -1;
+    mixture.set_tag(j, tag);
+  }
+}
+
+void put_on_origins(const GaussianMixture& mixture, double log_probability,
+                    PacketHistory& history) {
+  for (int j = 0; j < mixture.size(); ++j) {
+    history.put(mixture.tag(j).origin, std::exp(log_probability + mixture.log_weight(j)));
+  }
+}
 
 HybridBernoulliOptions checked(const SystemModel& model, const HybridBernoulliOptions& options) {
   std::string text;
@@ -58,7 +74,8 @@ struct HybridBernoulliFilter::Parts {
   void start();
   void predict();
   StepOutcome correct();
-  void reduce();
+  void reduce(PacketHistory* noted = nullptr);
+  void judge_packets();
 
   HybridBernoulliOptions options;
   HybridBernoulliLayout layout;
@@ -66,6 +83,7 @@ struct HybridBernoulliFilter::Parts {
   HybridBernoulliPrediction prediction;
   HybridBernoulliCorrection correction;
   MixtureReduction reduction;
+  PacketHistory history;  // of the nodes of one step
   HybridBernoulliOutput output;
   HybridBernoulliBelief belief, spare;
   bool is_predicted = true;  // whether the belief is that before a correction
@@ -100,19 +118,32 @@ StepOutcome HybridBernoulliFilter::Parts::correct() {
   const auto& nodes = packets.nodes();
   const bool has_packets = std::any_of(nodes.begin(), nodes.end(),
                                        [](const PacketNode& node) { return node.count() > 0; });
+  const auto is_due = [&](const PacketNode& node) {
+    // A step without packets still prunes.
+    const bool is_heard = has_packets ? node.count() > 0 : &node == &nodes.front();
+    return is_heard || options.delivery_prior.has_value();
+  };
+  // The only node needs no history: its packets are judged before anything is dropped.
+  const bool is_noted = has_packets && std::count_if(nodes.begin(), nodes.end(), is_due) > 1;
+  PacketHistory* const noted = is_noted ? &history : nullptr;
+  if (is_noted) {
+    // Origins of an earlier step, or of a belief that was set, mean nothing here.
+    history.clear();
+    forget_origins(belief.p0);
+    forget_origins(belief.p1);
+  }
   const double log_r = belief.log_r, log_not_r = belief.log_not_r;
   for (const PacketNode& node : nodes) {
-    // A step without packets still prunes.
-    const bool is_due = has_packets ? node.count() > 0 : &node == &nodes.front();
-    if (!is_due && !options.delivery_prior) continue;
+    if (!is_due(node)) continue;
     // Merging waits for the last node, unless too much is left for the next.
     const int size = std::max(belief.p0.size(), belief.p1.size());
-    if (candidates[0] > 0 && size > options.components_max) reduce();
-    const StepOutcome of_node = correction.correct(belief, node, spare, packet_probability);
+    if (candidates[0] > 0 && size > options.components_max) reduce(noted);
+    const StepOutcome of_node = correction.correct(belief, node, spare, packet_probability, noted);
     if (of_node != StepOutcome::kOk) outcome = of_node;
     for (std::size_t i = 0; i < 2; ++i) candidates[i] += correction.num_candidates()[i];
     std::swap(belief, spare);
   }
+  if (is_noted) judge_packets();
   reduce();
   if (!has_packets && !options.delivery_prior) {
     belief.log_r = log_r;
@@ -121,11 +152,18 @@ StepOutcome HybridBernoulliFilter::Parts::correct() {
   return outcome;
 }
 
-void HybridBernoulliFilter::Parts::reduce() {
-  reduction.reduce(belief.p0, spare.p0);
-  reduction.reduce(belief.p1, spare.p1);
+void HybridBernoulliFilter::Parts::reduce(PacketHistory* noted) {
+  reduction.reduce(belief.p0, spare.p0, noted);
+  reduction.reduce(belief.p1, spare.p1, noted);
   std::swap(belief.p0, spare.p0);
   std::swap(belief.p1, spare.p1);
+}
+
+void HybridBernoulliFilter::Parts::judge_packets() {
+  put_on_origins(belief.p0, belief.log_not_r, history);
+  put_on_origins(belief.p1, belief.log_r, history);
+  history.pass_on(packet_probability);
+  for (double& probability : packet_probability) probability = std::min(probability, 1.0);
 }
 
 HybridBernoulliFilter::HybridBernoulliFilter(const SystemModel& model,

@@ -30,9 +30,9 @@ namespace holdfast {
 /// attack_probability r; input_* the signal part of the heaviest component of p1, for step k when
 /// direct, for k - 1 when delayed or with a memory (HybridBernoulliLayout); hypotheses "no_attack"
 /// and "attack": moments of p0 and p1; mode_probability (several attack models): of each model,
-/// given an attack; packet_probability: posterior of being authentic, in the order of the set, 0
-/// for one refused; with several nodes it is that given the nodes up to the packet's own, not the
-/// later ones. Numbers of Gaussians stand with the hypotheses.
+/// given an attack; packet_probability: posterior of being authentic given all packets up to this
+/// step, in the order of the set, 0 for one refused. Numbers of Gaussians stand with the
+/// hypotheses.
 class HybridBernoulliFilter : public Estimator {
  public:
   /// Throws UsageError when options or rows do not fit the model.

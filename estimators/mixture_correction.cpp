@@ -8,6 +8,11 @@
 #include "estimators/padded_matrix.h"
 
 namespace holdfast {
+namespace {
+
+constexpr double kNegligibleShare = -60.0;  // logarithm of a probability
+
+}  // namespace
 
 MixtureCorrection::MixtureCorrection(const SystemModel& model,
                                      const HybridBernoulliOptions& options,
@@ -197,11 +202,10 @@ void MixtureCorrection::whiten_offset(Source& source, const Factor& factor, int 
 }
 
 void MixtureCorrection::add_shares(double log_scale, std::span<double> shares) const {
-  constexpr double kNegligible = -60.0;  // in a probability
   for (std::size_t i = 0; i < log_weights_.size(); ++i) {
     const std::size_t child = i % children_per_component_;
     const double log_share = log_weights_[i] + log_scale;
-    if (child > 0 && log_share > kNegligible) shares[child - 1] += std::exp(log_share);
+    if (child > 0 && log_share > kNegligibleShare) shares[child - 1] += std::exp(log_share);
   }
 }
 
@@ -222,6 +226,71 @@ void MixtureCorrection::build(std::span<const int> children, double log_sum,
   }
 }
 
+void MixtureCorrection::record(std::span<const int> children, double log_sum,
+                               GaussianMixture& corrected, PacketHistory& history) {
+  dropped_components_.assign(static_cast<std::size_t>(mixture_->size()), 0.0);
+  dropped_packets_.assign(children_per_component_, 0.0);
+  double kept = 0.0, dropped_sum = 0.0;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < log_weights_.size(); ++i) {
+    const bool is_kept = next < children.size() && static_cast<std::size_t>(children[next]) == i;
+    if (is_kept) ++next;
+    const double log_share = log_weights_[i] - log_sum;
+    if (!(log_share > kNegligibleShare)) continue;
+    const double share = std::exp(log_share);
+    if (is_kept) {
+      kept += share;
+      continue;
+    }
+    dropped_sum += share;
+    dropped_components_[i / children_per_component_] += share;
+    dropped_packets_[i % children_per_component_] += share;
+  }
+  // Not quite 1, and far from it where all weights are so small that rounding makes them one.
+  const double share_sum = kept + dropped_sum;
+  kept /= share_sum;
+  const int dropped = dropped_sum > 0.0 ? record_dropped(share_sum, history) : -1;
+  for (std::size_t i = 0; i < children.size(); ++i) {
+    const auto index = static_cast<std::size_t>(children[i]);
+    const std::size_t packet = index % children_per_component_;
+    ComponentTag tag = corrected.tag(static_cast<int>(i));
+    tag.origin = history.add();
+    corrected.set_tag(static_cast<int>(i), tag);
+    history.link(dropped, 1.0);
+    history.link(mixture_->tag(static_cast<int>(index / children_per_component_)).origin, kept);
+    if (packet > 0) history.link_packet(position_of(packet - 1), kept);
+  }
+}
+
+// Every child that was kept passes its weight on to this entry, which thereby holds that of the
+// whole mixture.
+int MixtureCorrection::record_dropped(double share_sum, PacketHistory& history) const {
+  const int dropped = history.add();
+  for (std::size_t j = 0; j < dropped_components_.size(); ++j) {
+    history.link(mixture_->tag(static_cast<int>(j)).origin, dropped_components_[j] / share_sum);
+  }
+  for (std::size_t c = 1; c < dropped_packets_.size(); ++c) {
+    if (dropped_packets_[c] == 0.0) continue;
+    history.link_packet(position_of(c - 1), dropped_packets_[c] / share_sum);
+  }
+  return dropped;
+}
+
+// Block and column of a packet of the node.
+std::pair<std::size_t, std::size_t> MixtureCorrection::place_of(std::size_t packet) const {
+  std::size_t block = 0;
+  while (packet >= static_cast<std::size_t>(node_->sources[block].count)) {
+    packet -= static_cast<std::size_t>(node_->sources[block].count);
+    ++block;
+  }
+  return {block, packet};
+}
+
+int MixtureCorrection::position_of(std::size_t packet) const {
+  const auto [block, column] = place_of(packet);
+  return node_->sources[block].position[column];
+}
+
 void MixtureCorrection::build_kept(int component, double log_weight, GaussianMixture& corrected) {
   const int old = mixture_->covariance_index(component);
   int& copy = kept_covariances_[static_cast<std::size_t>(old)];
@@ -236,11 +305,7 @@ void MixtureCorrection::build_kept(int component, double log_weight, GaussianMix
 
 void MixtureCorrection::build_updated(int component, std::size_t packet, double log_weight,
                                       GaussianMixture& corrected) {
-  std::size_t block = 0, column = packet;
-  while (column >= static_cast<std::size_t>(node_->sources[block].count)) {
-    column -= static_cast<std::size_t>(node_->sources[block].count);
-    ++block;
-  }
+  const auto [block, column] = place_of(packet);
   const SourcePackets& packets = node_->sources[block];
   Source& source = sources_[static_cast<std::size_t>(packets.source)];
   const int covariance = posterior_covariance(source, component, corrected);

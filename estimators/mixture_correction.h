@@ -11,6 +11,7 @@
 #include "estimators/hybrid_bernoulli_belief.h"
 #include "estimators/hybrid_bernoulli_options.h"
 #include "estimators/hybrid_bernoulli_packets.h"
+#include "estimators/packet_history.h"
 #include "estimators/padded_matrix.h"
 
 namespace holdfast {
@@ -50,6 +51,10 @@ class MixtureCorrection {
   void add_shares(double log_scale, std::span<double> shares) const;
   /// The children of these indices, in this order, with weights divided by exp(log_sum).
   void build(std::span<const int> children, double log_sum, GaussianMixture& corrected);
+  /// Gives what build() made an entry each; children that it left out keep together the share that
+  /// they have here, whatever later nodes say. The children must be ascending.
+  void record(std::span<const int> children, double log_sum, GaussianMixture& corrected,
+              PacketHistory& history);
   /// Components whose S could not be factorised, in the last weigh().
   int num_failures() const { return num_failures_; }
 
@@ -92,6 +97,9 @@ class MixtureCorrection {
   void build_updated(int component, std::size_t packet, double log_weight,
                      GaussianMixture& corrected);
   void build_kept(int component, double log_weight, GaussianMixture& corrected);
+  std::pair<std::size_t, std::size_t> place_of(std::size_t packet) const;
+  int position_of(std::size_t packet) const;
+  int record_dropped(double share_sum, PacketHistory& history) const;
   double log_delivered(int component) const;
   double log_lost(int component) const;
   ComponentTag child_tag(int component, bool is_delivered) const;
@@ -107,6 +115,7 @@ class MixtureCorrection {
   std::vector<double> log_weights_, squares_, residual_;
   Eigen::VectorXd flat_residual_;
   std::vector<int> kept_covariances_;  // per covariance, its copy in the corrected mixture
+  std::vector<double> dropped_components_, dropped_packets_;  // shares
   int num_failures_ = 0;
 };
 

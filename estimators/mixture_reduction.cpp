@@ -14,7 +14,8 @@ MixtureReduction::MixtureReduction(const HybridBernoulliOptions& options)
       metric_(options.merge_metric),
       components_max_(options.components_max) {}
 
-void MixtureReduction::reduce(const GaussianMixture& mixture, GaussianMixture& reduced) {
+void MixtureReduction::reduce(const GaussianMixture& mixture, GaussianMixture& reduced,
+                              PacketHistory* history) {
   reduced.clear();
   const int width = mixture.width(), dimension = mixture.dimension();
   order_.resize(static_cast<std::size_t>(mixture.size()));
@@ -33,8 +34,9 @@ void MixtureReduction::reduce(const GaussianMixture& mixture, GaussianMixture& r
     cluster_.assign(1, order_[first]);
     if (merge_below_ > 0.0) gather(mixture, first);
     merge(mixture, reduced, dimension, width);
+    if (history != nullptr && cluster_.size() > 1) record_merged(mixture, reduced, *history);
   }
-  cap(reduced);
+  cap(reduced, history);
   reduced.normalise();
 }
 
@@ -147,11 +149,51 @@ ComponentTag MixtureReduction::merged_tag(const GaussianMixture& mixture) const 
   return tag;
 }
 
+// Of the cluster that was merged last.
+void MixtureReduction::record_merged(const GaussianMixture& mixture, GaussianMixture& reduced,
+                                     PacketHistory& history) const {
+  const int j = reduced.size() - 1;
+  ComponentTag tag = reduced.tag(j);
+  tag.origin = history.add();
+  reduced.set_tag(j, tag);
+  for (std::size_t c = 0; c < cluster_.size(); ++c) {
+    history.link(mixture.tag(cluster_[c]).origin, shares_[c]);
+  }
+}
+
 // Merged weights are no longer in order.
-void MixtureReduction::cap(GaussianMixture& reduced) {
+void MixtureReduction::cap(GaussianMixture& reduced, PacketHistory* history) {
   if (reduced.size() <= components_max_) return;
   prune(reduced.log_weights(), -std::numeric_limits<double>::infinity(), components_max_, cluster_);
+  if (history != nullptr) record_capped(reduced, *history);
   reduced.keep(cluster_);
+}
+
+// Every component that is kept passes its weight on to the entry of those that are not, which
+// thereby holds that of the whole mixture.
+void MixtureReduction::record_capped(GaussianMixture& reduced, PacketHistory& history) const {
+  const double log_sum = log_sum_exp(reduced.log_weights());
+  if (!std::isfinite(log_sum)) return;
+  const int dropped = history.add();
+  double kept = 0.0;
+  std::size_t next = 0;
+  for (int j = 0; j < reduced.size(); ++j) {
+    const double share = std::exp(reduced.log_weight(j) - log_sum);
+    if (next < cluster_.size() && cluster_[next] == j) {
+      kept += share;
+      ++next;
+    } else {
+      history.link(reduced.tag(j).origin, share);
+    }
+  }
+  for (const int j : cluster_) {
+    ComponentTag tag = reduced.tag(j);
+    const int before = tag.origin;
+    tag.origin = history.add();
+    reduced.set_tag(j, tag);
+    history.link(dropped, 1.0);
+    history.link(before, kept);
+  }
 }
 
 void prune(std::span<const double> log_weights, double log_threshold, int count_max,

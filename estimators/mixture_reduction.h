@@ -5,6 +5,7 @@
 
 #include "estimators/gaussian_mixture.h"
 #include "estimators/hybrid_bernoulli_options.h"
+#include "estimators/packet_history.h"
 
 namespace holdfast {
 
@@ -22,8 +23,11 @@ class MixtureReduction {
  public:
   explicit MixtureReduction(const HybridBernoulliOptions& options);
 
-  /// reduced is overwritten; it has the mixture's dimension and is another object.
-  void reduce(const GaussianMixture& mixture, GaussianMixture& reduced);
+  /// reduced is overwritten; it has the mixture's dimension and is another object. A history gets
+  /// an entry for what is merged; components that the cap drops keep together the share that they
+  /// have here.
+  void reduce(const GaussianMixture& mixture, GaussianMixture& reduced,
+              PacketHistory* history = nullptr);
 
  private:
   const double* factor(const GaussianMixture& mixture, int index);
@@ -31,7 +35,10 @@ class MixtureReduction {
   void gather(const GaussianMixture& mixture, std::size_t first);
   void merge(const GaussianMixture& mixture, GaussianMixture& reduced, int dimension, int width);
   ComponentTag merged_tag(const GaussianMixture& mixture) const;
-  void cap(GaussianMixture& reduced);
+  void record_merged(const GaussianMixture& mixture, GaussianMixture& reduced,
+                     PacketHistory& history) const;
+  void cap(GaussianMixture& reduced, PacketHistory* history);
+  void record_capped(GaussianMixture& reduced, PacketHistory& history) const;
 
   double merge_below_;
   HybridBernoulliOptions::MergeMetric metric_;

@@ -4,7 +4,7 @@
 
 #include <cerrno>
 #include <cmath>
-#include <stdexcept>
+#include <system_error>
 
 namespace holdfast {
 namespace {

@@ -39,6 +39,7 @@ std::vector<std::pair<double, double>> legendre_nodes() {
 
 // One association, ready to be evaluated at many points.
 struct GridRecursion::Explanation {
+  std::vector<int> authentic;
   double factor = 1.0;
   int num_delivered = 0, num_lost = 0;
   Eigen::VectorXd y;
@@ -74,12 +75,12 @@ GridRecursion::GridRecursion(const LawCase& law, const GridAxis& x, const GridAx
   }
   for (const AttackLaw& attack : law_.attacks) attacks_.push_back(make_attack_grid(attack));
   if (!law_.is_delivery_unknown()) {
-    nodes_.push_back({law_.pd, 1.0, 0.0, 0.0, {}, {}, {}});
+    nodes_.push_back({law_.pd, 1.0, 0.0, 0.0, {}, {}, {}, {}});
   } else {
     for (const auto& [pd, weight] : legendre_nodes()) {
       const double beta =
           std::pow(pd, law_.delivered_count - 1.0) * std::pow(1.0 - pd, law_.lost_count - 1.0);
-      nodes_.push_back({pd, weight * beta, 0.0, 0.0, {}, {}, {}});
+      nodes_.push_back({pd, weight * beta, 0.0, 0.0, {}, {}, {}, {}});
     }
   }
   for (Node& node : nodes_) start(node);
@@ -168,8 +169,11 @@ void GridRecursion::predict(Node& node) const {
 std::vector<GridRecursion::Explanation> GridRecursion::explanations(const LawStep& step) const {
   std::vector<Explanation> all;
   for (const Association& association : associations(law_, step)) {
-    Explanation explanation{
-        association.factor, association.num_delivered, association.num_lost, {}, {}, {}, {}, 1.0};
+    Explanation explanation;
+    explanation.authentic = association.authentic;
+    explanation.factor = association.factor;
+    explanation.num_delivered = association.num_delivered;
+    explanation.num_lost = association.num_lost;
     std::vector<int> rows;
     std::vector<double> values;
     for (const int p : association.authentic) {
@@ -235,6 +239,33 @@ void GridRecursion::look_back(Node& node, const std::vector<Explanation>& all) c
   node.before /= total;
 }
 
+// Before the packets have their say: each explanation's part of the evidence.
+void GridRecursion::judge(Node& node, const std::vector<Explanation>& all,
+                          std::size_t num_packets) const {
+  const Eigen::VectorXd none = Eigen::VectorXd::Zero(law_.m());
+  node.packet_probability.assign(num_packets, 0.0);
+  double total = 0.0;
+  for (const Explanation& explanation : all) {
+    double evidence = 0.0;
+    for (int i = 0; i < x_.size; ++i) {
+      const double x = x_.at(i);
+      evidence += (1.0 - node.r) * node.p0[i] * explanation.likelihood(x, none, node.pd);
+      for (std::size_t v = 0; v < attacks_.size(); ++v) {
+        const double mass = node.r * attacks_[v].cell;
+        for (Eigen::Index point = 0; point < node.p1[v].cols(); ++point) {
+          evidence += mass * node.p1[v](i, point) *
+                      explanation.likelihood(x, attacks_[v].a.col(point), node.pd);
+        }
+      }
+    }
+    total += evidence;
+    for (const int p : explanation.authentic) {
+      node.packet_probability[static_cast<std::size_t>(p)] += evidence;
+    }
+  }
+  for (double& probability : node.packet_probability) probability /= total;
+}
+
 void GridRecursion::correct(Node& node, const std::vector<Explanation>& all) const {
   const Eigen::VectorXd none = Eigen::VectorXd::Zero(law_.m());
   for (int i = 0; i < x_.size; ++i) node.p0[i] *= likelihood(node, all, x_.at(i), none);
@@ -286,10 +317,15 @@ LawPosterior GridRecursion::posterior() const {
   sum.mean1 = Eigen::VectorXd::Zero(size);
   sum.square1 = Eigen::MatrixXd::Zero(size, size);
   sum.attack_probability.assign(attacks_.size(), 0.0);
+  sum.packet_probability.assign(nodes_[0].packet_probability.size(), 0.0);
   double total = 0.0;
   for (const Node& node : nodes_) total += node.weight * std::exp(node.log_evidence);
   for (const Node& node : nodes_) {
-    add_moments(node, node.weight * std::exp(node.log_evidence) / total, sum);
+    const double weight = node.weight * std::exp(node.log_evidence) / total;
+    add_moments(node, weight, sum);
+    for (std::size_t p = 0; p < sum.packet_probability.size(); ++p) {
+      sum.packet_probability[p] += weight * node.packet_probability[p];
+    }
   }
   if (nodes_[0].before.size() > 0) {
     Eigen::MatrixXd before = 0.0 * nodes_[0].before;
@@ -313,6 +349,7 @@ LawPosterior GridRecursion::step(const LawStep& step) {
   for (Node& node : nodes_) {
     if (!is_first_ && law_.is_direct) look_back(node, all);
     if (!is_first_) predict(node);
+    judge(node, all, step.packets.size());
     correct(node, all);
   }
   is_first_ = false;

@@ -25,7 +25,8 @@ inline constexpr GridAxis kCoarseAxisA{-6.6, 0.47, 29};
 /// (62)-(68). The integrands are smooth and die out within the axes, so that the trapezoidal rule
 /// converges faster than any power of the spacing. An unknown delivery probability is integrated
 /// over too, by Gauss-Legendre: all integrands are polynomials in it when the counts of its beta
-/// prior are whole numbers. With direct feedthrough it also looks one step back.
+/// prior are whole numbers. A packet's posterior is that of the associations in which it is
+/// authentic. With direct feedthrough it also looks one step back.
 class GridRecursion {
  public:
   /// Preconditions: n = 1. Every channel of an attack has the axis a.
@@ -50,6 +51,7 @@ class GridRecursion {
     // Raw moments of [1; a] of the step before, in the light of this one: the probability of an
     // attack then in the corner.
     Eigen::MatrixXd before;
+    std::vector<double> packet_probability;
   };
   struct Explanation;
 
@@ -58,6 +60,7 @@ class GridRecursion {
   void start(Node& node) const;
   void predict(Node& node) const;
   void look_back(Node& node, const std::vector<Explanation>& all) const;
+  void judge(Node& node, const std::vector<Explanation>& all, std::size_t num_packets) const;
   void correct(Node& node, const std::vector<Explanation>& all) const;
   LawPosterior posterior() const;
   double likelihood(const Node& node, const std::vector<Explanation>& all, double x,
