@@ -55,10 +55,27 @@ const double* MixtureReduction::factor(const GaussianMixture& mixture, int index
   return factors_.data() + static_cast<std::size_t>(place) * block;
 }
 
+// x' P^-1 x is at least x_i^2 / P_ii for each i (Cauchy and Schwarz), so most pairs need no factor.
+// Rounding may not decide: who is near the limit is measured.
+bool MixtureReduction::is_far(const GaussianMixture& mixture, int dominant, int other) const {
+  constexpr double kRounding = 1.0 + 1e-6;
+  const int width = mixture.width(), dimension = mixture.dimension();
+  const double* const P =
+      mixture.covariance_data(mixture.covariance_index(measuring(dominant, other)));
+  const double* const a = mixture.mean_data(dominant);
+  const double* const b = mixture.mean_data(other);
+  const double limit = kRounding * merge_below_;
+  bool is_beyond = false;
+  for (int i = 0; i < dimension; ++i) {
+    const double difference = b[i] - a[i], variance = P[i * width + i];
+    is_beyond |= variance > 0.0 && difference * difference > limit * variance;
+  }
+  return is_beyond;
+}
+
 double MixtureReduction::squared_distance(const GaussianMixture& mixture, int dominant, int other) {
   const int width = mixture.width(), dimension = mixture.dimension();
-  const bool is_own = metric_ == HybridBernoulliOptions::MergeMetric::kOwn;
-  const double* const U = factor(mixture, mixture.covariance_index(is_own ? other : dominant));
+  const double* const U = factor(mixture, mixture.covariance_index(measuring(dominant, other)));
   const double* const reciprocals = U + dimension * width;
   const double* const a = mixture.mean_data(dominant);
   const double* const b = mixture.mean_data(other);
@@ -81,7 +98,10 @@ void MixtureReduction::gather(const GaussianMixture& mixture, std::size_t first)
     if (is_taken_[i] != 0) continue;
     const ComponentTag& other = mixture.tag(order_[i]);
     if (other.attack_model != tag.attack_model || other.was_attacked != tag.was_attacked) continue;
-    if (squared_distance(mixture, dominant, order_[i]) > merge_below_) continue;
+    if (is_far(mixture, dominant, order_[i]) ||
+        squared_distance(mixture, dominant, order_[i]) > merge_below_) {
+      continue;
+    }
     is_taken_[i] = 1;
     cluster_.push_back(order_[i]);
   }

@@ -31,6 +31,11 @@ class MixtureReduction {
 
  private:
   const double* factor(const GaussianMixture& mixture, int index);
+  // Of a pair, whose covariance measures the distance.
+  int measuring(int dominant, int other) const {
+    return metric_ == HybridBernoulliOptions::MergeMetric::kOwn ? other : dominant;
+  }
+  bool is_far(const GaussianMixture& mixture, int dominant, int other) const;
   double squared_distance(const GaussianMixture& mixture, int dominant, int other);
   void gather(const GaussianMixture& mixture, std::size_t first);
   void merge(const GaussianMixture& mixture, GaussianMixture& reduced, int dimension, int width);

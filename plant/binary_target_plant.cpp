@@ -51,12 +51,17 @@ BinarySensorDraws BinaryTargetPlant::draw(std::size_t sensor, std::uint32_t step
   const double normal = sensor_noise_.normal(step, 4 * sensor + 2);
   draws.noise = is_tail ? glint.mean_2 + std::sqrt(glint.variance_2) * normal
                         : glint.mean_1 + std::sqrt(glint.variance_1) * normal;
-  draws.dos_uniform = sensor_attack_.uniform(step, 4 * sensor);
-  draws.deception_uniform = sensor_attack_.uniform(step, 4 * sensor + 1);
-  const double position = sensor_attack_.uniform(step, 4 * sensor + 2);
-  draws.deception_value =
-      options_.attack.deception_low +
-      (options_.attack.deception_high - options_.attack.deception_low) * position;
+  // Draws are addressed, so those that nothing could depend on are left out.
+  const BinaryTargetModel::Attack& attack = options_.attack;
+  if (attack.dos[sensor] > 0.0 || attack.deception[sensor] > 0.0) {
+    draws.dos_uniform = sensor_attack_.uniform(step, 4 * sensor);
+    draws.deception_uniform = sensor_attack_.uniform(step, 4 * sensor + 1);
+  }
+  if (attack.deception[sensor] > 0.0) {
+    const double position = sensor_attack_.uniform(step, 4 * sensor + 2);
+    draws.deception_value =
+        attack.deception_low + (attack.deception_high - attack.deception_low) * position;
+  }
   return draws;
 }
 
