@@ -123,11 +123,11 @@ class Combiner {
       }
     }
     MetricsOptions options = runs_.front()->metrics_options;
-    std::vector<EstimatorRuns> all;
     for (const std::string& name : names) {
-      all.push_back(gather(name, scores_of(name), static_cast<std::size_t>(num_steps_)));
-      if (is_attacked_.num_runs() > 0) all.back().is_attacked = &is_attacked_;
-      result_.estimators.push_back(compute_metrics(all.back(), options));
+      EstimatorRuns runs = gather(name, scores_of(name), static_cast<std::size_t>(num_steps_));
+      if (is_attacked_.num_runs() > 0) runs.is_attacked = &is_attacked_;
+      auto& all = result_.estimators;
+      all.push_back(compute_metrics(runs, options));
       if (all.size() == 1) continue;
       for (PairedDifference& difference : paired_differences(all.back(), all.front(), options))
         result_.differences.push_back(std::move(difference));

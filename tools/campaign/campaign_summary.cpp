@@ -1,8 +1,12 @@
 #include "tools/campaign/campaign_summary.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <future>
 #include <nlohmann/json.hpp>
+#include <thread>
+#include <utility>
 
 namespace holdfast {
 namespace {
@@ -63,10 +67,29 @@ double share_of_ones(const RunMatrix& matrix) {
          static_cast<double>(std::max<std::size_t>(1, matrix.num_runs() * matrix.num_steps()));
 }
 
-const EstimatorRuns* find(const PointRuns& point, const std::string& estimator) {
-  for (const EstimatorRuns& runs : point.estimators)
-    if (runs.estimator == estimator) return &runs;
+const EstimatorMetrics* find(const PointSummary& point, const std::string& estimator) {
+  for (const EstimatorSummary& it : point.estimators)
+    if (it.metrics.estimator == estimator) return &it.metrics;
   return nullptr;
+}
+
+// What is said of one estimator depends on no other one, so threads change no bit of it.
+std::vector<EstimatorMetrics> metrics_of(const std::vector<EstimatorRuns>& estimators,
+                                         const MetricsOptions& options) {
+  std::vector<EstimatorMetrics> metrics(estimators.size());
+  std::atomic<std::size_t> next = 0;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < estimators.size(); i = next++)
+      metrics[i] = compute_metrics(estimators[i], options);
+  };
+  const auto num_threads = std::max<std::size_t>(
+      1, std::min<std::size_t>(estimators.size(), std::thread::hardware_concurrency()));
+  std::vector<std::future<void>> workers;
+  for (std::size_t t = 1; t < num_threads; ++t)
+    workers.push_back(std::async(std::launch::async, work));
+  work();
+  for (std::future<void>& worker : workers) worker.get();
+  return metrics;
 }
 
 Json number(double value) {
@@ -137,7 +160,8 @@ CampaignSummary summarise(CampaignStore& store, RunRange range) {
   summary.commit = store.meta("commit");
   summary.kernel = store.meta("kernel");
   summary.identity = store.meta("identity");
-  PointRuns first;
+  std::vector<std::int64_t> first_runs;
+  std::size_t first_num_steps = 0;
   for (std::size_t p = 0; p < store.points().size(); ++p) {
     const StoredPoint& stored = store.points()[p];
     const Experiment experiment = experiment_from_text(stored.scenario, store.file());
@@ -148,27 +172,33 @@ CampaignSummary summarise(CampaignStore& store, RunRange range) {
     options.groups = experiment.state_groups;
     options.windows = experiment.windows;
     options.mode_hold_steps = experiment.mode_hold_steps;
-    PointRuns here;
-    PointRuns& loaded = p == 0 ? first : here;
+    PointRuns loaded;
     const auto point = static_cast<std::int64_t>(p);
     load(store, point, range, loaded);
+    if (p == 0) {
+      first_runs = loaded.runs;
+      first_num_steps = loaded.is_attacked.num_steps();
+    }
     PointSummary row;
     row.settings = stored.settings;
     row.num_runs = static_cast<std::int64_t>(loaded.runs.size());
     row.num_steps = experiment.num_steps;
     row.attacked_share = share_of_ones(loaded.is_attacked);
     row.counters = store.read_counters(point, "", range);
-    for (const EstimatorRuns& runs : loaded.estimators) {
+    for (EstimatorMetrics& metrics : metrics_of(loaded.estimators, options)) {
       EstimatorSummary estimator;
-      estimator.metrics = compute_metrics(runs, options);
-      if (&runs != &loaded.estimators.front())
-        estimator.against_first = paired_differences(runs, loaded.estimators.front(), options);
-      const EstimatorRuns* before = p == 0 ? nullptr : find(first, runs.estimator);
+      estimator.metrics = std::move(metrics);
+      if (!row.estimators.empty()) {
+        estimator.against_first =
+            paired_differences(estimator.metrics, row.estimators.front().metrics, options);
+      }
+      const std::string& name = estimator.metrics.estimator;
+      const EstimatorMetrics* before = p == 0 ? nullptr : find(summary.points.front(), name);
       // Common random numbers want the same runs and as many steps.
-      if (before != nullptr && first.runs == loaded.runs &&
-          first.is_attacked.num_steps() == loaded.is_attacked.num_steps())
-        estimator.against_first_point = paired_differences(runs, *before, options);
-      estimator.step_times = store.read_step_times(point, runs.estimator, range);
+      if (before != nullptr && first_runs == loaded.runs &&
+          first_num_steps == loaded.is_attacked.num_steps())
+        estimator.against_first_point = paired_differences(estimator.metrics, *before, options);
+      estimator.step_times = store.read_step_times(point, name, range);
       row.estimators.push_back(std::move(estimator));
     }
     summary.points.push_back(std::move(row));

@@ -12,16 +12,26 @@ namespace {
 
 using Row = Eigen::Map<const Eigen::ArrayXd>;
 
-// Sums over runs in their order. Steps are summed side by side, so that the order of the sum does
-// not depend on the width of the machine's registers.
-void add_weighted(const RunMatrix& matrix, std::span<const RunBootstrap::Weight> weights,
-                  std::span<double> sums) {
-  const auto num_steps = static_cast<Eigen::Index>(matrix.num_steps());
-  Eigen::Map<Eigen::ArrayXd> sum(sums.data(), num_steps);
-  sum.setZero();
+// Few enough that their sums stay in the processor's nearest cache while each run is read once for
+// all of them.
+constexpr std::size_t kTogether = 8;
+
+using Weights = std::span<const RunBootstrap::Weight>;
+
+// Sums over runs in their order, a row for each set of weights. Steps are summed side by side, so
+// that the order of the sum does not depend on the width of the machine's registers.
+void add_weighted(const RunMatrix& matrix, std::span<const Weights> weights,
+                  std::vector<double>& sums) {
+  const std::size_t num_steps = matrix.num_steps();
+  const auto size = static_cast<Eigen::Index>(num_steps);
+  sums.assign(weights.size() * num_steps, 0.0);
   for (std::size_t r = 0; r < matrix.num_runs(); ++r) {
-    if (weights[r] == 0) continue;
-    sum += static_cast<double>(weights[r]) * Row(matrix.run(r).data(), num_steps);
+    const Row row(matrix.run(r).data(), size);
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+      if (weights[i][r] == 0) continue;
+      Eigen::Map<Eigen::ArrayXd>(sums.data() + i * num_steps, size) +=
+          static_cast<double>(weights[i][r]) * row;
+    }
   }
 }
 
@@ -54,7 +64,7 @@ double bootstrap_error(std::span<const double> resampled) {
   return std::sqrt(squares / count);
 }
 
-StepMeans::StepMeans(const RunMatrix& matrix) : matrix_(&matrix), counts_(matrix.num_steps()) {
+StepMeans::StepMeans(const RunMatrix& matrix) : matrix_(&matrix) {
   bool is_complete = true;
   for (std::size_t r = 0; r < matrix.num_runs(); ++r) {
     const auto run = matrix.run(r);
@@ -76,23 +86,42 @@ StepMeans::StepMeans(const RunMatrix& matrix) : matrix_(&matrix), counts_(matrix
   matrix_ = &filled_;
 }
 
-void StepMeans::mean(std::span<const RunBootstrap::Weight> weights, std::span<double> means) {
-  add_weighted(*matrix_, weights, means);
+void StepMeans::compute(std::span<const Weights> weights) {
+  const std::size_t num_steps = matrix_->num_steps();
+  add_weighted(*matrix_, weights, means_);
   if (is_present_.num_runs() > 0) {
     add_weighted(is_present_, weights, counts_);
   } else {
-    double total = 0.0;
-    for (const RunBootstrap::Weight weight : weights) total += weight;
-    std::fill(counts_.begin(), counts_.end(), total);
+    counts_.resize(means_.size());
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+      double total = 0.0;
+      for (const RunBootstrap::Weight weight : weights[i]) total += weight;
+      std::fill_n(counts_.begin() + static_cast<std::ptrdiff_t>(i * num_steps), num_steps, total);
+    }
   }
   // 0 / 0 is the NaN of a step without values.
-  for (std::size_t k = 0; k < means.size(); ++k) means[k] /= counts_[k];
+  for (std::size_t k = 0; k < means_.size(); ++k) means_[k] /= counts_[k];
+}
+
+void StepMeans::for_each_resample(const RunBootstrap& bootstrap,
+                                  const std::function<void(std::span<const double>)>& take) {
+  const std::size_t num_steps = matrix_->num_steps();
+  std::vector<Weights> weights;
+  for (std::size_t first = 0; first < bootstrap.num_resamples(); first += kTogether) {
+    weights.clear();
+    const std::size_t end = std::min(first + kTogether, bootstrap.num_resamples());
+    for (std::size_t i = first; i < end; ++i) weights.push_back(bootstrap.weights(i));
+    compute(weights);
+    for (std::size_t i = 0; i < weights.size(); ++i)
+      take(std::span(means_).subspan(i * num_steps, num_steps));
+  }
 }
 
 std::vector<double> StepMeans::mean() {
-  std::vector<double> means(matrix_->num_steps());
-  mean(std::vector<RunBootstrap::Weight>(matrix_->num_runs(), 1), means);
-  return means;
+  const std::vector<RunBootstrap::Weight> once(matrix_->num_runs(), 1);
+  const Weights weights = once;
+  compute(std::span(&weights, 1));
+  return means_;
 }
 
 }  // namespace holdfast

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -42,17 +43,21 @@ class StepMeans {
   StepMeans& operator=(const StepMeans&) = delete;
 
   std::size_t num_runs_with_values() const { return num_runs_with_values_; }
-  /// Means over the runs that have a value at the step; NaN where none has.
-  void mean(std::span<const RunBootstrap::Weight> weights, std::span<double> means);
+  /// Means over the runs that have a value at the step, of each resample in turn; NaN where none
+  /// has.
+  void for_each_resample(const RunBootstrap& bootstrap,
+                         const std::function<void(std::span<const double>)>& take);
   /// The same over all runs.
   std::vector<double> mean();
 
  private:
+  void compute(std::span<const std::span<const RunBootstrap::Weight>> weights);
+
   const RunMatrix* matrix_;
   // Only when something is missing: the values with 0 for NaN, and 1 where there is a value.
   RunMatrix filled_, is_present_;
   std::size_t num_runs_with_values_ = 0;
-  std::vector<double> counts_;
+  std::vector<double> means_, counts_;  // a row for each of the resamples that are summed at once
 };
 
 }  // namespace holdfast

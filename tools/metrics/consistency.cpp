@@ -29,7 +29,7 @@ void add_band(const RunMatrix& values, const RunMatrix& rows, double probability
   }
 }
 
-double share_in_band(const std::vector<double>& means, const MetricCurve& band,
+double share_in_band(std::span<const double> means, const MetricCurve& band,
                      std::int64_t* num_steps = nullptr) {
   double inside = 0.0, count = 0.0;
   for (std::size_t k = 0; k < means.size(); ++k) {
@@ -46,11 +46,10 @@ Statistic in_band(const RunMatrix& values, const MetricCurve& band, const RunBoo
   share.value = share_in_band(band.value, band, &share.count);
   StepMeans means(values);
   if (means.num_runs_with_values() < 2) return share;
-  std::vector<double> row(values.num_steps()), resampled;
-  for (std::size_t i = 0; i < bootstrap.num_resamples(); ++i) {
-    means.mean(bootstrap.weights(i), row);
+  std::vector<double> resampled;
+  means.for_each_resample(bootstrap, [&](std::span<const double> row) {
     resampled.push_back(share_in_band(row, band));
-  }
+  });
   share.standard_error = bootstrap_error(resampled);
   return share;
 }

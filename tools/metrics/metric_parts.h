@@ -37,6 +37,7 @@ std::vector<double> run_root_means(const RunMatrix& matrix);
 /// Mean and median over the steps of the RMSE over runs at each step, from squared errors.
 struct StepRmse {
   Statistic mean, median;
+  std::vector<double> resampled_means;  // empty for a single run
 };
 StepRmse rmse_of_steps(const RunMatrix& squares, const RunBootstrap& bootstrap);
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <span>
@@ -60,12 +61,19 @@ struct EstimatorRuns {
   const RunMatrix* authentic_packets = nullptr;  // [run][step] how many; null when not known
 };
 
+/// rmse_step_mean of each resample of the bootstrap, for paired differences.
+struct ResampledRmse {
+  std::size_t num_runs = 0, num_steps = 0;
+  std::vector<double> values;  // [resample]; empty for a single run
+};
+
 struct EstimatorMetrics {
   std::string estimator;
   std::vector<Metric> metrics;
   std::vector<MetricCurve> curves;
   std::vector<RocCurve> rocs;
   std::map<std::string, std::int64_t> outcomes;
+  std::map<std::string, ResampledRmse> resampled_rmse;  // by group
 };
 
 /// Every metric that the runs' curves allow; one without any value is left out. The result depends
@@ -86,10 +94,11 @@ struct PairedDifference {
   double value = 0.0, standard_error = 0.0;
 };
 
-/// rmse_step_mean of each state group that both have, both estimators resampled with the same runs.
-/// Throws std::invalid_argument when they differ in runs or steps.
-std::vector<PairedDifference> paired_differences(const EstimatorRuns& runs,
-                                                 const EstimatorRuns& reference,
+/// rmse_step_mean of each state group that both have, both estimators resampled with the same runs:
+/// by compute_metrics() with one seed. Throws std::invalid_argument when they differ in runs or
+/// steps.
+std::vector<PairedDifference> paired_differences(const EstimatorMetrics& ours,
+                                                 const EstimatorMetrics& reference,
                                                  const MetricsOptions& options);
 
 /// One attack in one run, as a detector with this threshold sees it. Steps count from 1: element i

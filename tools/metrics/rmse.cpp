@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "tools/metrics/metric_parts.h"
 
@@ -12,7 +13,7 @@ struct StepSummary {
   double mean = kNoValue, median = kNoValue;
 };
 
-StepSummary summary_of(const std::vector<double>& mean_squares) {
+StepSummary summary_of(std::span<const double> mean_squares) {
   std::vector<double> rmse;
   double sum = 0.0;
   for (const double square : mean_squares) {
@@ -29,23 +30,23 @@ struct Resampled {
   std::vector<double> mean, median;  // [resample]
 };
 
-Resampled resample(StepMeans& squares, std::size_t num_steps, const RunBootstrap& bootstrap) {
+Resampled resample(StepMeans& squares, const RunBootstrap& bootstrap) {
   Resampled result;
-  std::vector<double> mean_squares(num_steps);
-  for (std::size_t i = 0; i < bootstrap.num_resamples(); ++i) {
-    squares.mean(bootstrap.weights(i), mean_squares);
+  squares.for_each_resample(bootstrap, [&result](std::span<const double> mean_squares) {
     const StepSummary summary = summary_of(mean_squares);
     result.mean.push_back(summary.mean);
     result.median.push_back(summary.median);
-  }
+  });
   return result;
 }
 
 void add_over_runs(const MetricsInput& input, const StateGroup& group, const RunMatrix& squares,
                    EstimatorMetrics& result) {
-  const StepRmse rmse = rmse_of_steps(squares, input.bootstrap);
+  StepRmse rmse = rmse_of_steps(squares, input.bootstrap);
   add_metric(result, "rmse_step_mean", group.name, group.unit, rmse.mean);
   add_metric(result, "rmse_step_median", group.name, group.unit, rmse.median);
+  result.resampled_rmse[group.name] = {squares.num_runs(), squares.num_steps(),
+                                       std::move(rmse.resampled_means)};
   MetricCurve curve = mean_curve("rmse_over_runs", squares);
   curve.group = group.name;
   curve.unit = group.unit;
@@ -105,9 +106,10 @@ StepRmse rmse_of_steps(const RunMatrix& squares, const RunBootstrap& bootstrap) 
   rmse.median.value = summary.median;
   rmse.mean.count = rmse.median.count = static_cast<std::int64_t>(means.num_runs_with_values());
   if (rmse.mean.count >= 2) {
-    const Resampled resampled = resample(means, squares.num_steps(), bootstrap);
+    Resampled resampled = resample(means, bootstrap);
     rmse.mean.standard_error = bootstrap_error(resampled.mean);
     rmse.median.standard_error = bootstrap_error(resampled.median);
+    rmse.resampled_means = std::move(resampled.mean);
   }
   return rmse;
 }
@@ -119,30 +121,29 @@ void add_rmse(const MetricsInput& input, EstimatorMetrics& result) {
   }
 }
 
-std::vector<PairedDifference> paired_differences(const EstimatorRuns& runs,
-                                                 const EstimatorRuns& reference,
+std::vector<PairedDifference> paired_differences(const EstimatorMetrics& ours,
+                                                 const EstimatorMetrics& reference,
                                                  const MetricsOptions& options) {
   std::vector<PairedDifference> differences;
   for (const StateGroup& group : options.groups) {
-    const std::string name = "squared_error." + group.name;
-    const auto ours = runs.curves.find(name), theirs = reference.curves.find(name);
-    if (ours == runs.curves.end() || theirs == reference.curves.end()) continue;
-    const RunMatrix &a = ours->second, &b = theirs->second;
-    if (a.num_runs() != b.num_runs() || a.num_steps() != b.num_steps()) {
-      throw std::invalid_argument(runs.estimator + " and " + reference.estimator +
+    const std::string name = "rmse_step_mean";
+    const auto a = ours.resampled_rmse.find(group.name),
+               b = reference.resampled_rmse.find(group.name);
+    if (a == ours.resampled_rmse.end() || b == reference.resampled_rmse.end()) continue;
+    if (a->second.num_runs != b->second.num_runs || a->second.num_steps != b->second.num_steps) {
+      throw std::invalid_argument(ours.estimator + " and " + reference.estimator +
                                   " have different runs or steps");
     }
-    StepMeans our_means(a), their_means(b);
-    PairedDifference difference{runs.estimator, reference.estimator, "rmse_step_mean",
-                                group.name,     group.unit,          kNoValue,
+    const Metric* const our_mean = find_metric(ours, name, group.name);
+    const Metric* const their_mean = find_metric(reference, name, group.name);
+    if (our_mean == nullptr || their_mean == nullptr) continue;
+    PairedDifference difference{ours.estimator, reference.estimator,
+                                name,           group.name,
+                                group.unit,     our_mean->value - their_mean->value,
                                 kNoValue};
-    difference.value = summary_of(our_means.mean()).mean - summary_of(their_means.mean()).mean;
-    if (std::isnan(difference.value)) continue;
-    if (std::min(our_means.num_runs_with_values(), their_means.num_runs_with_values()) >= 2) {
-      const RunBootstrap bootstrap(options.seed, a.num_runs(),
-                                   static_cast<std::size_t>(options.num_resamples));
-      std::vector<double> resampled = resample(our_means, a.num_steps(), bootstrap).mean;
-      const std::vector<double> others = resample(their_means, b.num_steps(), bootstrap).mean;
+    std::vector<double> resampled = a->second.values;
+    const std::vector<double>& others = b->second.values;
+    if (!resampled.empty() && !others.empty()) {
       for (std::size_t i = 0; i < resampled.size(); ++i) resampled[i] -= others[i];
       difference.standard_error = bootstrap_error(resampled);
     }

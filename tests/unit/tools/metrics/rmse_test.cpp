@@ -23,6 +23,13 @@ EstimatorMetrics metrics_of(RunMatrix squares, double lost_above = 0.0) {
   return compute_metrics(runs_with(std::move(squares)), testing::options_with({group}));
 }
 
+std::vector<PairedDifference> differences_of(const EstimatorRuns& runs,
+                                             const EstimatorRuns& reference,
+                                             const MetricsOptions& options) {
+  return paired_differences(compute_metrics(runs, options), compute_metrics(reference, options),
+                            options);
+}
+
 // Squared errors of one state, of a scale that grows with the step; correlated between the steps of
 // a run as a filter's are.
 RunMatrix gaussian_squares(std::size_t num_runs, double gain = 1.0, double own = 0.0,
@@ -201,14 +208,14 @@ TEST_CASE("curves of different runs or steps are refused") {
   EstimatorRuns runs = runs_with(gaussian_squares(5));
   runs.curves["nees"] = RunMatrix(5, 19, 1.0);
   CHECK_THROWS_AS(compute_metrics(runs, {}), std::invalid_argument);
-  CHECK_THROWS_AS(paired_differences(runs_with(gaussian_squares(5)), runs_with(gaussian_squares(6)),
-                                     testing::options_with({kGroup})),
+  CHECK_THROWS_AS(differences_of(runs_with(gaussian_squares(5)), runs_with(gaussian_squares(6)),
+                                 testing::options_with({kGroup})),
                   std::invalid_argument);
 }
 
 TEST_CASE("two equal estimators differ by exactly nothing") {
   const EstimatorRuns runs = runs_with(gaussian_squares(50));
-  const auto differences = paired_differences(runs, runs, testing::options_with({kGroup}));
+  const auto differences = differences_of(runs, runs, testing::options_with({kGroup}));
   REQUIRE(differences.size() == 1);
   CHECK(differences[0].value == 0.0);
   CHECK(differences[0].standard_error == 0.0);
@@ -218,7 +225,7 @@ TEST_CASE("common random numbers make a difference sharper") {
   const MetricsOptions options = testing::options_with({kGroup});
   const EstimatorRuns reference = runs_with(gaussian_squares(300), "reference");
   const EstimatorRuns better = runs_with(gaussian_squares(300, 0.95, 0.1), "better");
-  const PairedDifference difference = paired_differences(better, reference, options).at(0);
+  const PairedDifference difference = differences_of(better, reference, options).at(0);
   CHECK(difference.estimator == "better");
   CHECK(difference.reference == "reference");
   CHECK(difference.name == "rmse_step_mean");
@@ -233,7 +240,7 @@ TEST_CASE("common random numbers make a difference sharper") {
   CHECK(difference.standard_error < 0.3 * apart);
   const EstimatorRuns independent =
       runs_with(gaussian_squares(300, 0.0, std::sqrt(2.0), "test/other"), "independent");
-  const double alone = paired_differences(independent, reference, options).at(0).standard_error;
+  const double alone = differences_of(independent, reference, options).at(0).standard_error;
   const double other_error =
       metric(compute_metrics(independent, options), "rmse_step_mean", "position").standard_error;
   // 3.5 % from 400 resamples, and about 1 / sqrt(300) = 6 % of chance correlation; two of each.
@@ -243,9 +250,8 @@ TEST_CASE("common random numbers make a difference sharper") {
 TEST_CASE("a group that one of two estimators does not hold has no difference") {
   EstimatorRuns outsider;
   outsider.estimator = "outsider";
-  CHECK(
-      paired_differences(runs_with(gaussian_squares(5)), outsider, testing::options_with({kGroup}))
-          .empty());
+  CHECK(differences_of(runs_with(gaussian_squares(5)), outsider, testing::options_with({kGroup}))
+            .empty());
 }
 
 }  // namespace holdfast

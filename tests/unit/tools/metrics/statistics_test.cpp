@@ -58,12 +58,12 @@ TEST_CASE("means over a resample leave out what is missing") {
   const RunMatrix matrix = testing::matrix_of(20, 5, [](std::size_t r, std::size_t k) {
     return k == 4 || (r + k) % 3 == 0 ? kNan : testing::normal(r, k, 0);
   });
-  const RunBootstrap bootstrap(3, 20, 10);
+  const RunBootstrap bootstrap(3, 20, 19);  // more than are summed at once, and a rest
   StepMeans means(matrix);
   CHECK(means.num_runs_with_values() == 20);
-  std::vector<double> row(5);
-  for (std::uint32_t b = 0; b < 10; ++b) {
-    means.mean(bootstrap.weights(b), row);
+  std::uint32_t b = 0;
+  means.for_each_resample(bootstrap, [&](std::span<const double> row) {
+    REQUIRE(row.size() == 5);
     for (std::size_t k = 0; k < 4; ++k) {
       double sum = 0.0, count = 0.0;
       for (const std::size_t run : drawn_runs(3, 20, b)) {
@@ -75,7 +75,9 @@ TEST_CASE("means over a resample leave out what is missing") {
       CHECK(row[k] == Approx(sum / count).margin(1e-14));
     }
     CHECK(std::isnan(row[4]));
-  }
+    ++b;
+  });
+  CHECK(b == 19);
 }
 
 TEST_CASE("a median's error is that of medians of the drawn values, done by hand") {
