@@ -55,8 +55,9 @@ const double* MixtureReduction::factor(const GaussianMixture& mixture, int index
   return factors_.data() + static_cast<std::size_t>(place) * block;
 }
 
-// x' P^-1 x is at least x_i^2 / P_ii for each i (Cauchy and Schwarz), so most pairs need no factor.
-// Rounding may not decide: who is near the limit is measured.
+// x' P^-1 x is at least x_i^2 / P_ii for each i (Cauchy and Schwarz; P positive definite, or zero
+// along an axis), so most pairs need no factor. Rounding may not decide: who is near the limit is
+// measured.
 bool MixtureReduction::is_far(const GaussianMixture& mixture, int dominant, int other) const {
   constexpr double kRounding = 1.0 + 1e-6;
   const int width = mixture.width(), dimension = mixture.dimension();

@@ -9,7 +9,7 @@
 namespace holdfast {
 namespace {
 
-constexpr int kReadsPerLook = 16, kReadsPerLookMax = 128;
+constexpr int kReadsPerLook = 16;
 constexpr std::int64_t kTurnMax_ns = 200'000'000;
 
 }  // namespace
@@ -55,17 +55,13 @@ void AttackerProcess::on_readable(CanBus& from, CanBus& to) {
     send(from, to);
     return;
   }
-  // Bounded in time, so that timers, signals and control get their turn. The clock is asked rarely,
-  // and more rarely while frames are quick: in a guest kernel it costs as much as a read.
+  // Bounded in time, so that timers, signals and control get their turn. The clock is asked rarely:
+  // in a guest kernel it costs as much as a read.
   const std::int64_t started_ns = monotonic_time_ns();
   out_.clear();
-  int next_look = kReadsPerLook;
   bool is_last = false;
   for (int reads = 1;; ++reads) {
-    if (reads == next_look) {
-      is_last = monotonic_time_ns() - started_ns > kTurnMax_ns;
-      next_look += std::min(reads, kReadsPerLookMax);
-    }
+    if (reads % kReadsPerLook == 0) is_last = monotonic_time_ns() - started_ns > kTurnMax_ns;
     // Frames whose record nobody waits for go with the next read: in one system call where it can
     // be.
     if (is_last) send(from, to);

@@ -43,7 +43,8 @@ class CanBus {
   virtual std::size_t read_waiting(std::span<CanFrame> frames) { return read(frames); }
   static constexpr double kReadWait_s = 0.02;
 
-  /// Like to.write(out) and then read_waiting(frames). Where both buses can, in one system call.
+  /// Like to.write(out) and then read_waiting(frames). Where both buses can, in one system call,
+  /// which waits up to twice as long, and not at all when out had to be sent by another one.
   virtual std::size_t hand_over(CanBus& to, std::span<const CanFrame> out,
                                 std::span<CanFrame> frames) {
     if (!out.empty()) to.write(out);

@@ -146,6 +146,7 @@ void SlcanBus::try_again() {
     return;
   }
   set_timer(0, 0);
+  is_waking_ = false;
   tell(url_.device + " is back");
 }
 
@@ -237,10 +238,13 @@ std::size_t SlcanBus::read(std::span<CanFrame> frames) {
   counters_.read += static_cast<std::int64_t>(count);
   // One read of the device may hold more frames than were asked for, of which it says nothing more.
   const bool has_more = next_ < received_.size();
-  if (device_.is_open() && has_more != is_waking_) {
-    is_waking_ = has_more;
+  if (!device_.is_open()) {
+    // What came before it went is handed out first; then the timer wakes for the next try again.
+    if (has_more || is_waking_) set_timer(has_more ? 1 : kRetry_ns, kRetry_ns);
+  } else if (has_more != is_waking_) {
     set_timer(has_more ? 1 : 0, 0);
   }
+  is_waking_ = has_more;
   return count;
 }
 

@@ -261,6 +261,7 @@ std::size_t SocketCanBus::hand_over(CanBus& to, std::span<const CanFrame> out,
   if (other == nullptr || out.size() > 1 || frames.empty() || !can_exchange())
     return CanBus::hand_over(to, out, frames);
   --singles_left_;
+  ++num_exchanged_;
   set_lingering(true);
   const bool has_frame = other->prepare_one(out) > 0;
   const RingExchange::Result result =

@@ -54,6 +54,8 @@ class SocketCanBus : public CanBus {
   /// In one call where frames come one by one, to another SocketCAN bus, without receive times.
   std::size_t hand_over(CanBus& to, std::span<const CanFrame> out,
                         std::span<CanFrame> frames) override;
+  /// How often hand_over() did with one call.
+  std::int64_t num_exchanged() const { return num_exchanged_; }
   /// Throws std::logic_error when the bus was opened read-only.
   std::size_t write(std::span<const CanFrame> frames) override;
   /// True when the other end of a socketpair was closed.
@@ -100,13 +102,14 @@ class SocketCanBus : public CanBus {
   // As many as a batch holds: what queues meanwhile is taken at once by the next longer call.
   static constexpr int kSinglesMax = 63;
   int singles_left_ = 0;
-  bool has_tried_ring_ = false;
-  std::unique_ptr<RingExchange> ring_;  // none where the kernel has none
   std::string last_error_text_;
   ReceiveBatch received_;
   SendBatch sending_;
   DropCounter drops_;
   BusCounters counters_;
+  bool has_tried_ring_ = false;
+  std::int64_t num_exchanged_ = 0;
+  std::unique_ptr<RingExchange> ring_;  // none where the kernel has none; ends before its buffers
 };
 
 }  // namespace holdfast

@@ -88,10 +88,13 @@ class Dispatcher {
 
 }  // namespace
 
-int default_threads(const ProcessGroup& group) {
+int num_usable_processors() {
   cpu_set_t allowed;
-  const int num_allowed =
-      sched_getaffinity(0, sizeof allowed, &allowed) == 0 ? std::max(1, CPU_COUNT(&allowed)) : 1;
+  return sched_getaffinity(0, sizeof allowed, &allowed) == 0 ? std::max(1, CPU_COUNT(&allowed)) : 1;
+}
+
+int default_threads(const ProcessGroup& group) {
+  const int num_allowed = num_usable_processors();
   // mpirun may have bound each process to processors of its own; unbound ones share them all.
   const bool is_bound = num_allowed < static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
   return is_bound ? num_allowed : std::max(1, num_allowed / group.num_local());

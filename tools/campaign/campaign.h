@@ -29,7 +29,10 @@ void run_campaign(const CampaignPlan& plan, CampaignStore& store, ProcessGroup& 
 /// The part of the processes of other ranks: takes plan and jobs from rank 0 until there are none.
 void serve_campaign(ProcessGroup& group, const CampaignOptions& options);
 
-/// Processors that this process may use, shared out among the group's processes on the machine.
+/// Processors that this process may use.
+int num_usable_processors();
+
+/// The same, shared out among the group's processes on the machine.
 int default_threads(const ProcessGroup& group);
 
 }  // namespace holdfast

@@ -36,7 +36,7 @@ void show(CampaignStore& store, RunRange range, const CampaignProgramOptions& op
     std::cout << store.file() << ": there is no run for this shard\n";
     return;
   }
-  const CampaignSummary summary = summarise(store, range);
+  const CampaignSummary summary = summarise(store, range, options.threads);
   if (options.json != "-" && options.csv != "-") {
     std::cout << to_text(summary);
     if (store.file() != ":memory:")

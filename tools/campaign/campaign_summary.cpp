@@ -5,8 +5,10 @@
 #include <cmath>
 #include <future>
 #include <nlohmann/json.hpp>
-#include <thread>
+#include <system_error>
 #include <utility>
+
+#include "tools/campaign/campaign.h"
 
 namespace holdfast {
 namespace {
@@ -75,18 +77,22 @@ const EstimatorMetrics* find(const PointSummary& point, const std::string& estim
 
 // What is said of one estimator depends on no other one, so threads change no bit of it.
 std::vector<EstimatorMetrics> metrics_of(const std::vector<EstimatorRuns>& estimators,
-                                         const MetricsOptions& options) {
+                                         const MetricsOptions& options, int num_threads) {
   std::vector<EstimatorMetrics> metrics(estimators.size());
   std::atomic<std::size_t> next = 0;
   const auto work = [&] {
     for (std::size_t i = next++; i < estimators.size(); i = next++)
       metrics[i] = compute_metrics(estimators[i], options);
   };
-  const auto num_threads = std::max<std::size_t>(
-      1, std::min<std::size_t>(estimators.size(), std::thread::hardware_concurrency()));
+  if (num_threads <= 0) num_threads = num_usable_processors();
   std::vector<std::future<void>> workers;
-  for (std::size_t t = 1; t < num_threads; ++t)
-    workers.push_back(std::async(std::launch::async, work));
+  for (int t = 1; t < std::min(num_threads, static_cast<int>(estimators.size())); ++t) {
+    try {
+      workers.push_back(std::async(std::launch::async, work));
+    } catch (const std::system_error&) {
+      break;  // no more threads may be made: those that are there do it
+    }
+  }
   work();
   for (std::future<void>& worker : workers) worker.get();
   return metrics;
@@ -153,7 +159,7 @@ Json to_json(const EstimatorSummary& estimator) {
 
 }  // namespace
 
-CampaignSummary summarise(CampaignStore& store, RunRange range) {
+CampaignSummary summarise(CampaignStore& store, RunRange range, int num_threads) {
   CampaignSummary summary;
   summary.scenario = store.meta("scenario");
   summary.version = store.meta("version");
@@ -185,7 +191,7 @@ CampaignSummary summarise(CampaignStore& store, RunRange range) {
     row.num_steps = experiment.num_steps;
     row.attacked_share = share_of_ones(loaded.is_attacked);
     row.counters = store.read_counters(point, "", range);
-    for (EstimatorMetrics& metrics : metrics_of(loaded.estimators, options)) {
+    for (EstimatorMetrics& metrics : metrics_of(loaded.estimators, options, num_threads)) {
       EstimatorSummary estimator;
       estimator.metrics = std::move(metrics);
       if (!row.estimators.empty()) {

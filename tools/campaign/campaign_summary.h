@@ -33,8 +33,10 @@ struct CampaignSummary {
   std::vector<PointSummary> points;
 };
 
-/// Computes every metric over the runs of the range. Throws UsageError when a point has none.
-CampaignSummary summarise(CampaignStore& store, RunRange range);
+/// Computes every metric over the runs of the range. num_threads: 0 for as many as the processors
+/// that this process may use; the result does not depend on it. Throws UsageError when a point has
+/// no run.
+CampaignSummary summarise(CampaignStore& store, RunRange range, int num_threads = 0);
 
 /// The aggregate as JSON, curves included, without times: equal runs give equal bytes. A number
 /// that is not known is null.

@@ -37,7 +37,7 @@ std::vector<double> run_root_means(const RunMatrix& matrix);
 /// Mean and median over the steps of the RMSE over runs at each step, from squared errors.
 struct StepRmse {
   Statistic mean, median;
-  std::vector<double> resampled_means;  // empty for a single run
+  std::vector<double> resampled_means;  // empty when fewer than two runs have values
 };
 StepRmse rmse_of_steps(const RunMatrix& squares, const RunBootstrap& bootstrap);
 

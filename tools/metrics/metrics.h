@@ -64,7 +64,7 @@ struct EstimatorRuns {
 /// rmse_step_mean of each resample of the bootstrap, for paired differences.
 struct ResampledRmse {
   std::size_t num_runs = 0, num_steps = 0;
-  std::vector<double> values;  // [resample]; empty for a single run
+  std::vector<double> values;  // [resample]; empty when fewer than two runs have values
 };
 
 struct EstimatorMetrics {

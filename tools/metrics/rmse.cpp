@@ -137,6 +137,7 @@ std::vector<PairedDifference> paired_differences(const EstimatorMetrics& ours,
     const Metric* const our_mean = find_metric(ours, name, group.name);
     const Metric* const their_mean = find_metric(reference, name, group.name);
     if (our_mean == nullptr || their_mean == nullptr) continue;
+    if (!std::isfinite(our_mean->value - their_mean->value)) continue;
     PairedDifference difference{ours.estimator, reference.estimator,
                                 name,           group.name,
                                 group.unit,     our_mean->value - their_mean->value,
@@ -144,6 +145,9 @@ std::vector<PairedDifference> paired_differences(const EstimatorMetrics& ours,
     std::vector<double> resampled = a->second.values;
     const std::vector<double>& others = b->second.values;
     if (!resampled.empty() && !others.empty()) {
+      if (resampled.size() != others.size())
+        throw std::invalid_argument(ours.estimator + " and " + reference.estimator +
+                                    " have different numbers of resamples");
       for (std::size_t i = 0; i < resampled.size(); ++i) resampled[i] -= others[i];
       difference.standard_error = bootstrap_error(resampled);
     }

@@ -50,7 +50,7 @@ CampaignOutcome run(const Paper& paper, const PaperCampaign& campaign,
   while (true) {
     outcome.plan.num_runs = runs;
     run_campaign(outcome.plan, store, group, campaign_options);
-    outcome.summary = summarise(store, {0, runs - 1});
+    outcome.summary = summarise(store, {0, runs - 1}, options.num_threads);
     if (options.is_quick || runs >= campaign.runs_max ||
         !wants_more_runs(paper, campaign, outcome.summary))
       return outcome;

@@ -48,6 +48,10 @@ std::unique_ptr<RingExchange> open_ring(double wait_s) {
   return ring;
 }
 
+bool has_ring() {
+  return RingExchange::open(1.0) != nullptr;
+}
+
 constexpr double kShort_s = 0.001;
 
 }  // namespace
@@ -173,10 +177,19 @@ TEST_CASE("frames handed over from bus to bus keep their order, one by one and i
     writing.wants_receive_times = false;
     SocketCanBus to(std::move(out.ours), "to", writing);
     SocketCanBus sink(std::move(out.theirs), "sink", {});
-    constexpr std::uint32_t kNum = 4000;
+    constexpr std::uint32_t kNum = 4000, kNumAlone = 20;
+    std::array<CanFrame, 64> batch;
+    std::size_t count = 0, num_read = 0;
+    for (std::uint32_t i = 0; i < kNumAlone; ++i) {
+      source.write(std::array{numbered_frame(i)});
+      count = from.hand_over(to, std::span(batch).first(count), batch);
+      REQUIRE(count == 1);
+      ++num_read;
+    }
+    CHECK((from.num_exchanged() > 0) == (has_ring() && !has_times));
     // Ones, pauses and bursts that are longer than the queue of the second pair.
     std::thread writer([&] {
-      for (std::uint32_t i = 0; i < kNum;) {
+      for (std::uint32_t i = kNumAlone; i < kNum;) {
         const std::uint32_t burst = i % 5 == 0 ? 700 : 1;
         std::vector<CanFrame> frames;
         for (std::uint32_t j = 0; j < burst && i < kNum; ++j) frames.push_back(numbered_frame(i++));
@@ -186,8 +199,6 @@ TEST_CASE("frames handed over from bus to bus keep their order, one by one and i
     });
     std::vector<CanFrame> arrived;
     std::thread reader([&] { arrived = read_frames(sink, kNum); });
-    std::array<CanFrame, 64> batch;
-    std::size_t count = 0, num_read = 0;
     const std::int64_t end_ns = monotonic_time_ns() + 60'000'000'000;
     while (num_read < kNum && monotonic_time_ns() < end_ns) {
       count = from.hand_over(to, std::span(batch).first(count), batch);
@@ -231,6 +242,7 @@ TEST_CASE("a handed over frame that nobody takes is counted, and so is one that 
   }
   CHECK(to.counters().write_dropped == before.write_dropped + 3);
   CHECK(to.counters().written == before.written);
+  CHECK((from.num_exchanged() > 0) == has_ring());
 }
 
 TEST_CASE("after a hand over that found nothing the descriptor tells of frames again") {

@@ -8,6 +8,7 @@
 #include "common/errors.h"
 #include "drivers/can/can_bus.h"
 #include "drivers/can/candump_log.h"
+#include "drivers/can/socketcan_bus.h"
 #include "drivers/event_loop.h"
 #include "tests/support/bus_reading.h"
 #include "tests/support/catch.h"
@@ -286,8 +287,13 @@ TEST_CASE("hardware is not written to without the user's word") {
 
 TEST_CASE("frames are handed from interface to interface, though either is down for a while") {
   Events events;
-  BusOptions options = writable_telling(&events);
+  std::atomic<bool> is_down = false;
+  BusOptions options = writable();
   options.wants_receive_times = false;
+  options.on_event = [&](const std::string& event) {
+    events.push_back(event);
+    is_down = is_down || event == "vcan1 is down: waiting";
+  };
   const auto from = open_can_bus("socketcan:vcan0", options);
   const auto to = open_can_bus("socketcan:vcan1", options);
   const auto source = open_vcan(0), sink = open_vcan(1);
@@ -306,10 +312,17 @@ TEST_CASE("frames are handed from interface to interface, though either is down 
   for (std::uint32_t i = 0; i < 5; ++i) hand_over(i);
 
   REQUIRE(ip("link set vcan1 down"));
-  std::thread restorer([] { ip("link set vcan1 up"); });
-  hand_over(5);  // frame 4 waits until its interface is up
-  restorer.join();
+  {
+    const std::int64_t end_ns = monotonic_time_ns() + 15'000'000'000;
+    const std::jthread restorer([&] {
+      while (!is_down && monotonic_time_ns() < end_ns) std::this_thread::yield();
+      ip("link set vcan1 up");
+    });
+    hand_over(5);  // frame 4 waits until its interface is up
+  }
+  CHECK(to->counters().times_down == 1);
   hand_over(6);
+  CHECK(dynamic_cast<SocketCanBus&>(*from).num_exchanged() > 0);
 
   REQUIRE(ip("link set vcan0 down"));
   to->write(std::span(frames).first(std::exchange(count, 0)));
