@@ -1,6 +1,7 @@
 #pragma once
 
 #include "estimators/attacked_reading.h"
+#include "estimators/small_factor.h"
 
 namespace holdfast {
 

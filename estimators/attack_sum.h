@@ -6,6 +6,7 @@
 
 #include "estimators/attack_hypotheses.h"
 #include "estimators/sized_model.h"
+#include "estimators/small_factor.h"
 
 namespace holdfast {
 

@@ -3,7 +3,9 @@
 #include <array>
 #include <cstddef>
 
+#include "estimators/small_factor.h"
 #include "estimators/small_matrix.h"
+#include "estimators/small_product.h"
 
 namespace holdfast {
 
@@ -65,30 +67,28 @@ struct UpdateResult {
 /// One step of x' = F x + w, w ~ N(0, Q): mean F m, covariance F P F' + Q. `cross` [n x n] becomes
 /// Cov[x, x'] = P F', which the smoother needs. `next` may not be `belief`.
 template <int N>
-void predict_linear(const Small<N, N>& F, const Small<N, N>& Q, const Belief<N>& belief,
-                    Small<N, N>& cross, Belief<N>& next) {
-  next.mean = F.lazyProduct(belief.mean);
-  cross = belief.covariance.lazyProduct(F.transpose());
-  next.covariance = Q;
-  next.covariance += F.lazyProduct(cross);
-  symmetrise_small(next.covariance);
+[[gnu::flatten]] void predict_linear(const Small<N, N>& F, const Small<N, N>& Q,
+                                     const Belief<N>& belief, Small<N, N>& cross, Belief<N>& next) {
+  multiply(F, belief.mean, next.mean);
+  multiply_transposed(belief.covariance, F, cross);
+  add_symmetric(Q, F, cross, next.covariance);
 }
 
 /// h(x) = H x.
 template <int N, int L>
-void observe_linear(const Small<L, N>& H, const Belief<N>& belief, Observation<N, L>& observation) {
-  observation.h = H.lazyProduct(belief.mean);
+[[gnu::flatten]] void observe_linear(const Small<L, N>& H, const Belief<N>& belief,
+                                     Observation<N, L>& observation) {
+  multiply(H, belief.mean, observation.h);
   observation.J = H;
   observation.has_jacobian = true;
-  observation.Pxh = belief.covariance.lazyProduct(H.transpose());
-  observation.Phh = H.lazyProduct(observation.Pxh);
-  symmetrise_small(observation.Phh);
+  multiply_transposed(belief.covariance, H, observation.Pxh);
+  multiply_symmetric(H, observation.Pxh, observation.Phh);
 }
 
 /// A reading without attack: c = 1, Omega = R.
 template <int N, int L>
-void believe_reading(const Observation<N, L>& observation, const Small<L, L>& R,
-                     ReadingBelief<L>& reading) {
+[[gnu::flatten]] void believe_reading(const Observation<N, L>& observation, const Small<L, L>& R,
+                                      ReadingBelief<L>& reading) {
   reading.c = 1.0;
   reading.mean = observation.h;
   reading.Omega = R;
@@ -102,8 +102,8 @@ template <int N, int L>
 class GaussianUpdate {
  public:
   /// Weighs the innovation by S; missing rows count in nothing.
-  UpdateResult weigh(const Observation<N, L>& observation, const ReadingBelief<L>& reading,
-                     const Small<L>& y) {
+  [[gnu::flatten]] UpdateResult weigh(const Observation<N, L>& observation,
+                                      const ReadingBelief<L>& reading, const Small<L>& y) {
     forwarded_ = y - reading.mean;
     if (observation.num_missing == 0) return weigh(reading.S, 0);
     masked_ = reading.S;
@@ -118,39 +118,50 @@ class GaussianUpdate {
   }
 
   /// Of what was weighed last, with a definite S. `posterior` may be `prior`.
-  void apply(const Belief<N>& prior, const Observation<N, L>& observation,
-             const ReadingBelief<L>& reading, Belief<N>& posterior) {
+  [[gnu::flatten]] void apply(const Belief<N>& prior, const Observation<N, L>& observation,
+                              const ReadingBelief<L>& reading, Belief<N>& posterior) {
     gain_ = reading.c * observation.Pxh;
     factor_.forward_right(gain_);
-    half_gain_ = gain_;
+    if (!observation.has_jacobian) half_gain_ = gain_;
     factor_.scale_right(gain_);
-    posterior.mean = prior.mean;
-    posterior.mean += gain_.lazyProduct(forwarded_);
+    add_product(prior.mean, gain_, forwarded_, posterior.mean);
     if (observation.has_jacobian) {
       factor_.backward_right(gain_);
-      scaled_gain_ = reading.c * gain_;
-      keep_.setIdentity(prior.mean.size(), prior.mean.size());
-      keep_ -= scaled_gain_.lazyProduct(observation.J);
-      kept_ = keep_.lazyProduct(prior.covariance);
-      noise_gain_ = gain_.lazyProduct(reading.Omega);
-      posterior.covariance = kept_.lazyProduct(keep_.transpose());
-      posterior.covariance += noise_gain_.lazyProduct(gain_.transpose());
+      if (identity_.rows() != prior.mean.size()) {
+        identity_.setIdentity(prior.mean.size(), prior.mean.size());
+      }
+      scaled_gain_ = -reading.c * gain_;
+      add_product(identity_, scaled_gain_, observation.J, keep_);
+      add_transposed_product(prior.covariance, observation.Pxh, scaled_gain_, kept_);
+      multiply(gain_, reading.Omega, noise_gain_);
+      multiply_symmetric(keep_, kept_, noise_gain_, gain_, posterior.covariance);
     } else {
-      posterior.covariance = prior.covariance;
-      posterior.covariance -= gain_.lazyProduct(half_gain_.transpose());
+      scaled_gain_ = -gain_;
+      add_transposed_symmetric(prior.covariance, scaled_gain_, half_gain_, posterior.covariance);
     }
-    symmetrise_small(posterior.covariance);
   }
 
  private:
   static constexpr double kLogTwoPi = 1.8378770664093454835606594728112;
 
-  UpdateResult weigh(const Small<L, L>& S, int num_missing) {
+  // [0 x 0] where the size is not compiled.
+  static Small<N, N> identity_where_known() {
+    if constexpr (N == Eigen::Dynamic) {
+      return {};
+    } else {
+      return Small<N, N>::Identity();
+    }
+  }
+
+  [[gnu::flatten]] UpdateResult weigh(const Small<L, L>& S, int num_missing) {
     UpdateResult result;
     if (!factor_.factorise(S)) return result;
     result.is_definite = true;
     factor_.forward(forwarded_);
-    result.squared_distance = (forwarded_.array().square() * factor_.reciprocals().array()).sum();
+    // By scalars as they were written just now: vectors of them would wait for the memory.
+    for (Eigen::Index i = 0; i < forwarded_.size(); ++i) {
+      result.squared_distance += forwarded_[i] * forwarded_[i] * factor_.reciprocals()[i];
+    }
     const auto num_rows = static_cast<double>(S.rows() - num_missing);
     result.log_density =
         factor_.log_density_factor() - 0.5 * (result.squared_distance + num_rows * kLogTwoPi);
@@ -161,6 +172,7 @@ class GaussianUpdate {
   Small<L> forwarded_;  // L^-1 nu
   Small<L, L> masked_;
   Small<N, L> gain_, half_gain_, scaled_gain_, noise_gain_;
+  Small<N, N> identity_ = identity_where_known();
   Small<N, N> keep_, kept_;
 };
 

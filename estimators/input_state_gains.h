@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "estimators/mode_decoupling.h"
+#include "estimators/small_factor.h"
 #include "estimators/small_matrix.h"
 
 namespace holdfast {

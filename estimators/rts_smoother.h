@@ -4,6 +4,9 @@
 #include <vector>
 
 #include "estimators/gaussian_update.h"
+#include "estimators/small_factor.h"
+#include "estimators/small_matrix.h"
+#include "estimators/small_product.h"
 
 namespace holdfast {
 
@@ -18,19 +21,21 @@ struct SmoothingStep {
 /// m + G (m_s - m_{k+1|k}), covariance P + G (P_s - P_{k+1|k}) G'. False, and the filtered belief
 /// as it was, when P_{k+1|k} is not positive definite.
 template <int N>
-bool smooth_back(const SmoothingStep<N>& next, const Belief<N>& next_smoothed,
-                 const Belief<N>& filtered, Belief<N>& smoothed) {
-  smoothed = filtered;
+[[gnu::flatten]] bool smooth_back(const SmoothingStep<N>& next, const Belief<N>& next_smoothed,
+                                  const Belief<N>& filtered, Belief<N>& smoothed) {
   SmallFactor<N> factor;
-  if (!factor.factorise(next.predicted.covariance)) return false;
-  Small<N, N> gain = next.cross;
+  if (!factor.factorise(next.predicted.covariance)) {
+    smoothed = filtered;
+    return false;
+  }
+  Small<N, N> gain, gained;
+  gain = next.cross;  // whole vectors, which a copy made at once would not be
   factor.solve_right(gain);
   const Small<N> shift = next_smoothed.mean - next.predicted.mean;
-  smoothed.mean += gain.lazyProduct(shift);
+  add_product(filtered.mean, gain, shift, smoothed.mean);
   const Small<N, N> change = next_smoothed.covariance - next.predicted.covariance;
-  const Small<N, N> gained = gain.lazyProduct(change);
-  smoothed.covariance += gained.lazyProduct(gain.transpose());
-  symmetrise_small(smoothed.covariance);
+  multiply(gain, change, gained);
+  add_transposed_symmetric(filtered.covariance, gained, gain, smoothed.covariance);
   return true;
 }
 

@@ -5,6 +5,7 @@
 
 #include "estimators/rts_smoother.h"
 #include "estimators/sized_model.h"
+#include "estimators/small_factor.h"
 
 namespace holdfast {
 

@@ -74,7 +74,7 @@ class SizedVectorKernel : public VectorKernel {
   }
 
   VectorResult correct(std::span<const int> rows, std::span<const double> values) override {
-    rows_.assign(rows.begin(), rows.end());
+    if (!std::ranges::equal(rows_, rows)) rows_.assign(rows.begin(), rows.end());
     const Observation<N, L>& observation = take(rows, values);
     method_.believe(observation, model_.R(), reading_);
     if (num_kept_max_ > 0) {
@@ -163,9 +163,22 @@ class SizedVectorKernel : public VectorKernel {
 
   const Kept& kept(std::size_t i) const { return kept_[(first_kept_ + i) % kept_.size()]; }
 
+  // All rows in their order, as they mostly come.
+  bool is_whole_vector(std::span<const int> rows) const {
+    if (static_cast<Eigen::Index>(rows.size()) != y_.size()) return false;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      if (rows[i] != static_cast<int>(i)) return false;
+    }
+    return true;
+  }
+
   // Sets y, and the observation of the rows that arrived.
   const Observation<N, L>& take(std::span<const int> rows, std::span<const double> values) {
     const Eigen::Index l = y_.size();
+    if (is_whole_vector(rows)) {
+      y_ = Eigen::Map<const Small<L>>(values.data(), l);
+      return observed_;
+    }
     for (std::size_t i = 0; i < rows.size(); ++i) y_[rows[i]] = values[i];
     if (static_cast<Eigen::Index>(rows.size()) == l) return observed_;
     used_ = observed_;
