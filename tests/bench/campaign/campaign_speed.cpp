@@ -1,11 +1,14 @@
-// campaign_speed [RUNS]: how much of the bare filter's speed a whole campaign keeps. Prints both,
-// side by side, in one run; the campaign simulates plant, bus and attacker, scores and stores as
-// well.
+// campaign_speed [RUNS [ROUNDS]]: how much of the bare filter's speed a whole campaign keeps.
+// Prints both, side by side, in one run; the campaign simulates plant, bus and attacker, scores and
+// stores as well.
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <thread>
 #include <vector>
 
@@ -84,7 +87,36 @@ double campaign_steps_per_s(const std::string& scenario, const std::vector<std::
   return static_cast<double>(num_runs * plan.points[0].experiment.num_steps) / seconds;
 }
 
-int run(std::int64_t num_runs) {
+// Rates of one round, one loop after the other.
+struct Round {
+  double one, all, campaign;
+};
+
+// Mean over the rounds and its standard error.
+struct Mean {
+  double value, error;
+};
+
+template <class Value>
+Mean mean_over(const std::vector<Round>& rounds, const Value& value) {
+  const auto count = static_cast<double>(rounds.size());
+  double sum = 0.0, squares = 0.0;
+  for (const Round& round : rounds) sum += value(round);
+  const double mean = sum / count;
+  for (const Round& round : rounds) squares += (value(round) - mean) * (value(round) - mean);
+  return {mean, count < 2.0 ? 0.0 : std::sqrt(squares / (count - 1.0) / count)};
+}
+
+template <class Value>
+void print_row(const char* text, const std::vector<Round>& rounds, double num_cores,
+               const Value& rate, const char* remark) {
+  const Mean speed = mean_over(rounds, rate);
+  const Mean share =
+      mean_over(rounds, [&](const Round& round) { return rate(round) / (round.one * num_cores); });
+  std::printf("%-44s %12.0f %8.3f (%.3f)%s\n", text, speed.value, share.value, share.error, remark);
+}
+
+int run(std::int64_t num_runs, int num_rounds) {
   const std::string scenario = std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml";
   const std::vector<std::string> overrides = {
       "estimators=[{name: secure, method: secure_particle_filter, particles: 500, "
@@ -92,27 +124,32 @@ int run(std::int64_t num_runs) {
   const Experiment experiment = load_experiment(scenario, overrides);
   const int num_cores = default_threads(ProcessGroup());
   const auto sets = record_sets(experiment, 20);
-  const int num_rounds = static_cast<int>(std::max<std::int64_t>(1, num_runs / 40));
-  std::printf("Sec-PF, M = 500, %ld steps, %ld runs, kernel %s, %d cores\n",
+  const int num_loops = static_cast<int>(std::max<std::int64_t>(1, num_runs / 40));
+  std::printf("Sec-PF, M = 500, %ld steps, %ld runs, kernel %s, %d cores, %d rounds\n",
               static_cast<long>(experiment.num_steps), static_cast<long>(num_runs),
-              experiment.kernel_text().c_str(), num_cores);
-  std::printf("%-44s %12s %10s\n", "", "steps/s", "of goal's");
-  std::vector<double> one, all, campaign;
-  // Interleaved, so that a slow moment of the machine meets all alike; the best of each counts.
-  for (int repeat = 0; repeat < 3; ++repeat) {
-    one.push_back(bare_steps_per_s(experiment, sets, num_rounds));
-    all.push_back(bare_on_all(experiment, sets, num_rounds, num_cores));
-    campaign.push_back(campaign_steps_per_s(scenario, overrides, num_runs, num_cores));
+              experiment.kernel_text().c_str(), num_cores, num_rounds);
+  // What a loop reaches changes with the moment, so shares are taken within a round, every second
+  // one backwards, and averaged.
+  std::vector<Round> rounds(static_cast<std::size_t>(num_rounds));
+  for (std::size_t i = 0; i < rounds.size(); ++i) {
+    const std::array<std::function<void()>, 3> loops = {
+        [&] { rounds[i].one = bare_steps_per_s(experiment, sets, num_loops); },
+        [&] { rounds[i].all = bare_on_all(experiment, sets, num_loops, num_cores); },
+        [&] {
+          rounds[i].campaign = campaign_steps_per_s(scenario, overrides, num_runs, num_cores);
+        }};
+    for (std::size_t j = 0; j < loops.size(); ++j) loops[i % 2 == 0 ? j : loops.size() - 1 - j]();
   }
-  const auto best = [](const std::vector<double>& v) {
-    return *std::max_element(v.begin(), v.end());
-  };
-  const double base = best(one) * num_cores;
-  std::printf("%-44s %12.0f %10.2f\n", "bare filter loop, one thread, times the cores", base, 1.0);
-  std::printf("%-44s %12.0f %10.2f\n", "bare filter loop, on all cores at once", best(all),
-              best(all) / base);
-  std::printf("%-44s %12.0f %10.2f   (goal: 0.90)\n", "holdfast-campaign, everything included",
-              best(campaign), best(campaign) / base);
+  std::printf("%-44s %12s %8s (%s)\n", "", "steps/s", "share", "s.e.");
+  print_row(
+      "bare filter loop, one thread, times the cores", rounds, num_cores,
+      [num_cores](const Round& round) { return round.one * num_cores; }, "");
+  print_row(
+      "bare filter loop, on all cores at once", rounds, num_cores,
+      [](const Round& round) { return round.all; }, "");
+  print_row(
+      "holdfast-campaign, everything included", rounds, num_cores,
+      [](const Round& round) { return round.campaign; }, "   goal: 0.90");
   return 0;
 }
 
@@ -121,9 +158,10 @@ int run(std::int64_t num_runs) {
 
 int main(int argc, char** argv) {
   const long num_runs = argc > 1 ? std::strtol(argv[1], nullptr, 10) : 1000;
-  if (num_runs < 1) {
-    std::fprintf(stderr, "usage: campaign_speed [RUNS]\n");
+  const long num_rounds = argc > 2 ? std::strtol(argv[2], nullptr, 10) : 6;
+  if (num_runs < 1 || num_rounds < 1 || num_rounds > 1000) {
+    std::fprintf(stderr, "usage: campaign_speed [RUNS [ROUNDS]]\n");
     return 2;
   }
-  return holdfast::run(num_runs);
+  return holdfast::run(num_runs, static_cast<int>(num_rounds));
 }

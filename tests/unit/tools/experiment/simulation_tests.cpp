@@ -156,4 +156,41 @@ TEST_CASE("what a rule adds to a sensor's signal is the input that estimators ar
   }
 }
 
+TEST_CASE("positions in whole millimetres are the same, but for their rounding") {
+  const std::string scenario = testing::scenario("turning_target");
+  // By fixed amounts: what is drawn for a frame depends on its identifier.
+  const std::string attacks =
+      "attacks=[{name: attack, action: arm, probability: 0.3, draw: step}, "
+      "{name: dos, given: attack, action: force, signals: [X, Y], probability: 0.1, draw: step}, "
+      "{name: bias, given: attack, unless: dos, action: add, signals: [X, Y], probability: 0.3, "
+      "draw: step, value: {value: 1.2345}}, "
+      "{name: scaling, given: attack, unless: dos, action: scale, signals: [X, Y], "
+      "probability: 0.1, draw: step, value: {value: 0.95}}]";
+  const Experiment in_metres = load_experiment(scenario, {attacks});
+  const Experiment in_millimetres =
+      load_experiment(scenario, {attacks, "network.messages=[PositionScaled]"});
+  Simulation metres(in_metres, 1), millimetres(in_millimetres, 1);
+  int num_forced = 0, num_rounded = 0;
+  while (metres.advance() && millimetres.advance()) {
+    const std::vector<double>& exact = metres.measurements().values;
+    const std::vector<double>& rounded = millimetres.measurements().values;
+    REQUIRE(exact.size() == 2);
+    REQUIRE(rounded.size() == 2);
+    CHECK(metres.true_mode() == millimetres.true_mode());
+    for (std::size_t i = 0; i < 2; ++i) {
+      // Rounded by the sensor and, where the attacker touched it, once more.
+      CHECK(std::abs(exact[i] - rounded[i]) < 0.0011);
+      CHECK(std::abs(1000.0 * rounded[i] - std::round(1000.0 * rounded[i])) < 1e-6);
+      CHECK((exact[i] == 0.0) == (rounded[i] == 0.0));
+      if (exact[i] == 0.0) ++num_forced;
+      if (std::abs(exact[i] - rounded[i]) > 0.0001) ++num_rounded;
+    }
+    for (std::size_t i = 0; i < metres.estimates().size(); ++i) {
+      CHECK((metres.estimates()[i]->mean - millimetres.estimates()[i]->mean).norm() < 0.01);
+    }
+  }
+  CHECK(num_forced > 0);
+  CHECK(num_rounded > 400);
+}
+
 }  // namespace holdfast
