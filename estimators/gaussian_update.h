@@ -104,7 +104,7 @@ class GaussianUpdate {
   /// Weighs the innovation by S; missing rows count in nothing.
   [[gnu::flatten]] UpdateResult weigh(const Observation<N, L>& observation,
                                       const ReadingBelief<L>& reading, const Small<L>& y) {
-    forwarded_ = y - reading.mean;
+    innovation_ = y - reading.mean;
     if (observation.num_missing == 0) return weigh(reading.S, 0);
     masked_ = reading.S;
     for (Eigen::Index i = 0; i < y.size(); ++i) {
@@ -112,7 +112,7 @@ class GaussianUpdate {
       masked_.row(i).setZero();
       masked_.col(i).setZero();
       masked_(i, i) = 1.0;
-      forwarded_[i] = 0.0;
+      innovation_[i] = 0.0;
     }
     return weigh(masked_, observation.num_missing);
   }
@@ -124,9 +124,9 @@ class GaussianUpdate {
     factor_.forward_right(gain_);
     if (!observation.has_jacobian) half_gain_ = gain_;
     factor_.scale_right(gain_);
-    add_product(prior.mean, gain_, forwarded_, posterior.mean);
     if (observation.has_jacobian) {
       factor_.backward_right(gain_);
+      add_product(prior.mean, gain_, innovation_, posterior.mean);
       if (identity_.rows() != prior.mean.size()) {
         identity_.setIdentity(prior.mean.size(), prior.mean.size());
       }
@@ -136,10 +136,19 @@ class GaussianUpdate {
       multiply(gain_, reading.Omega, noise_gain_);
       multiply_symmetric(keep_, kept_, noise_gain_, gain_, posterior.covariance);
     } else {
+      add_product(prior.mean, gain_, forwarded_, posterior.mean);
       scaled_gain_ = -gain_;
       add_transposed_symmetric(prior.covariance, scaled_gain_, half_gain_, posterior.covariance);
     }
   }
+
+  /// Of what was weighed last: S = L D L', the density of another reading at that squared distance
+  /// from E[y], and, after apply() with a Jacobian, the gain K.
+  const SmallFactor<L>& factor() const { return factor_; }
+  double log_density(double squared_distance) const {
+    return log_density_factor_ - 0.5 * (squared_distance + num_rows_ * kLogTwoPi);
+  }
+  const Small<N, L>& gain() const { return gain_; }
 
  private:
   static constexpr double kLogTwoPi = 1.8378770664093454835606594728112;
@@ -157,19 +166,21 @@ class GaussianUpdate {
     UpdateResult result;
     if (!factor_.factorise(S)) return result;
     result.is_definite = true;
+    forwarded_ = innovation_;
     factor_.forward(forwarded_);
     // By scalars as they were written just now: vectors of them would wait for the memory.
     for (Eigen::Index i = 0; i < forwarded_.size(); ++i) {
       result.squared_distance += forwarded_[i] * forwarded_[i] * factor_.reciprocals()[i];
     }
-    const auto num_rows = static_cast<double>(S.rows() - num_missing);
-    result.log_density =
-        factor_.log_density_factor() - 0.5 * (result.squared_distance + num_rows * kLogTwoPi);
+    log_density_factor_ = factor_.log_density_factor();
+    num_rows_ = static_cast<double>(S.rows() - num_missing);
+    result.log_density = log_density(result.squared_distance);
     return result;
   }
 
   SmallFactor<L> factor_;
-  Small<L> forwarded_;  // L^-1 nu
+  double log_density_factor_ = 0.0, num_rows_ = 0.0;
+  Small<L> innovation_, forwarded_;  // nu, L^-1 nu
   Small<L, L> masked_;
   Small<N, L> gain_, half_gain_, scaled_gain_, noise_gain_;
   Small<N, N> identity_ = identity_where_known();

@@ -79,6 +79,8 @@ class SmallFactor {
     symmetrise_small(inverse);
   }
 
+  /// L(i, j) below the diagonal, i > j.
+  double lower(Eigen::Index i, Eigen::Index j) const { return L_(i, j); }
   /// Diagonal of D^-1.
   const Small<Size>& reciprocals() const { return reciprocals_; }
 

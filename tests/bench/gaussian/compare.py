@@ -15,12 +15,15 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 import numpy as np  # noqa: E402  (the variables must be set first)
 
 STEPS = 400
+LANE_RUNS = 128
 # benchmark, unit, goal, what the goal is
 ROWS = [
     ("step/kalman/4x2", "ns", 70.0, "Kalman step, n = 4, l = 2"),
     ("step/gslr/4x2", "ns", None, "gslr step (at most 3 Kalman steps)"),
     ("step/attack_mixture/4x2", "ns", None, "attack_mixture step (at most 8)"),
     ("step/kalman/12x12", "ns", 1000.0, "Kalman step, n = 12, l = 12"),
+    ("lanes/kalman/4x2", "ns", 10.0, "Kalman step, n = 4, l = 2, one of 128 in lanes"),
+    ("lanes/kalman/12x12", "ns", None, "Kalman step, n = 12, l = 12, one of 128 in lanes"),
     ("run/kalman_rts/4x2", "us", 60.0, "400 Kalman steps and smoother, n = 4"),
     ("run/attack_mixture_rts/4x2", "us", None, "400 attack_mixture steps and smoother"),
     ("run/attack_mixture_ep3/4x2", "us", None, "the same, expectation propagation, 3 passes"),
@@ -59,8 +62,8 @@ def ours(build, rounds):
         output = subprocess.run([program, "--benchmark_format=json", "--benchmark_min_time=0.2"], check=True,
                                 capture_output=True, text=True).stdout
         for entry in json.loads(output)["benchmarks"]:
-            per = STEPS if entry["name"].startswith("step/") else 1
-            scale = 1000.0 if entry["name"].startswith("step/") else 1.0  # us to ns
+            per = {"step": STEPS, "lanes": STEPS * LANE_RUNS, "run": 1}[entry["name"].split("/")[0]]
+            scale = 1.0 if per == 1 else 1000.0  # us to ns
             times.setdefault(entry["name"], []).append(entry["cpu_time"] * scale / per)
     return times
 

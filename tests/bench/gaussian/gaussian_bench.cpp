@@ -1,5 +1,6 @@
 // Whole steps of the filters with one Gaussian: predict, correct by one vector, log-likelihood; and
-// of 400 steps with their Rauch-Tung-Striebel smoother. One thread; ns per step, us per run.
+// of 400 steps with their Rauch-Tung-Striebel smoother; and Kalman filters of many runs in lanes.
+// One thread; ns per step, us per run.
 
 #include <benchmark/benchmark.h>
 
@@ -11,6 +12,7 @@
 #include "estimators/attack_mixture.h"
 #include "estimators/gslr.h"
 #include "estimators/kalman_filter.h"
+#include "estimators/kalman_lanes.h"
 
 namespace {
 
@@ -86,6 +88,29 @@ void filter_and_smoother(benchmark::State& state, const SystemModel& model,
   }
 }
 
+// Steps of kLaneRuns filters at once, as many as keep their means in the first cache.
+constexpr std::size_t kLaneRuns = 128;
+
+template <int N, int L>
+void lane_steps(benchmark::State& state, const SystemModel& model) {
+  const Gaussian start{Eigen::VectorXd::Zero(N), 100.0 * Eigen::MatrixXd::Identity(N, N)};
+  const RandomStream stream(1, 0, "bench/lanes");
+  std::vector<double> readings(L * kLaneRuns), distances(kLaneRuns), densities(kLaneRuns);
+  for (std::size_t i = 0; i < readings.size(); ++i) readings[i] = stream.normal(1, i);
+  for (auto _ : state) {
+    KalmanLanes<N, L> lanes(model, start, kLaneRuns);
+    double log_likelihood = 0.0;
+    for (std::size_t k = 0; k < kSteps; ++k) {
+      lanes.step(readings, distances, densities);
+      log_likelihood += densities[k % kLaneRuns];
+    }
+    benchmark::DoNotOptimize(log_likelihood);
+  }
+  state.counters["ns_per_filter_step"] =
+      benchmark::Counter(1e-9 * kSteps * kLaneRuns * static_cast<double>(state.iterations()),
+                         benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+}
+
 template <class Options>
 Options with_attacks(int l) {
   Options options;
@@ -116,6 +141,12 @@ int main(int argc, char** argv) {
   add("run/attack_mixture_rts/4x2", filter_and_smoother<AttackMixtureOptions>, aircraft, one_pass);
   add("run/attack_mixture_ep3/4x2", filter_and_smoother<AttackMixtureOptions>, aircraft,
       with_attacks<AttackMixtureOptions>(2));
+  benchmark::RegisterBenchmark("lanes/kalman/4x2", [=](benchmark::State& state) {
+    lane_steps<4, 2>(state, aircraft);
+  })->Unit(benchmark::kMicrosecond);
+  benchmark::RegisterBenchmark("lanes/kalman/12x12", [=](benchmark::State& state) {
+    lane_steps<12, 12>(state, dense);
+  })->Unit(benchmark::kMicrosecond);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   benchmark::RunSpecifiedBenchmarks();

@@ -1,5 +1,6 @@
 #include "common/models/ieee14/ieee14_model.h"
 #include "common/models/turning_target/turning_target_model.h"
+#include "estimators/kalman_lanes.h"
 #include "tests/support/allocation_count.h"
 #include "tests/unit/estimators/baselines/every_baseline.h"
 
@@ -50,6 +51,21 @@ TEST_CASE("a fixed lag allocates nothing once its window is full") {
     const std::int64_t after = allocation_count();
     CHECK(after == before);
   }
+}
+
+TEST_CASE("filters in lanes allocate nothing") {
+  const Gaussian start{Eigen::Vector4d::Zero(), Eigen::Matrix4d::Identity()};
+  KalmanLanes<4, 2> lanes(make_turning_target_model(TurningTargetOptions()), start, 7);
+  const std::vector<double> readings(14, 0.3);
+  std::vector<double> distances(7), densities(7);
+  const std::int64_t before = allocation_count();
+  bool is_definite = true;
+  for (int k = 0; k < 10; ++k) {
+    is_definite = lanes.step(readings, distances, densities) && is_definite;
+  }
+  const std::int64_t after = allocation_count();
+  CHECK(is_definite);
+  CHECK(after == before);
 }
 
 TEST_CASE("steps of the nonlinear network allocate nothing") {

@@ -13,7 +13,7 @@ using namespace holdfast::testing;
 
 namespace {
 
-constexpr int kRuns = 8000, kSteps = 40, kStates = 4;
+constexpr int kFlightRuns = 8000, kFlightSteps = 40, kFlightStates = 4;
 
 // The aircraft from N(m0, P0) of the filters' own start, attacked as the paper's Table I says.
 class AttackedFlight {
@@ -55,14 +55,14 @@ template <class Options>
 MeanNees mean_nees(const Options& options, const AttackAssumptions& truth) {
   const SystemModel model = aircraft();
   const AttackStatistics attacks = truth.periods.front().statistics(2);
-  const Gaussian start = options.start.gaussian(kStates);
+  const Gaussian start = options.start.gaussian(kFlightStates);
   const std::vector<int> rows = {0, 1};
   std::vector<double> y;
   double sum = 0.0, squares = 0.0;
-  for (std::uint32_t run = 0; run < kRuns; ++run) {
+  for (std::uint32_t run = 0; run < kFlightRuns; ++run) {
     AttackedFlight flight(model, start, run);
     const std::unique_ptr<VectorKernel> kernel = make_kernel(model, options);
-    for (std::uint32_t step = 1; step <= kSteps; ++step) {
+    for (std::uint32_t step = 1; step <= kFlightSteps; ++step) {
       flight.advance(step, attacks, y);
       kernel->begin_step(step, true);
       kernel->observe();
@@ -75,8 +75,8 @@ MeanNees mean_nees(const Options& options, const AttackAssumptions& truth) {
     sum += one;
     squares += one * one;
   }
-  const double mean = sum / kRuns;
-  return {mean, std::sqrt((squares / kRuns - mean * mean) / kRuns)};
+  const double mean = sum / kFlightRuns;
+  return {mean, std::sqrt((squares / kFlightRuns - mean * mean) / kFlightRuns)};
 }
 
 }  // namespace
@@ -85,7 +85,7 @@ TEST_CASE("filters that know of the attacks know how wrong they are, others do n
   const AttackAssumptions truth = aircraft_attacks();
 
   const auto is_honest = [](const MeanNees& nees) {
-    return std::abs(nees.mean - kStates) < 4.0 * nees.error;
+    return std::abs(nees.mean - kFlightStates) < 4.0 * nees.error;
   };
 
   const MeanNees untouched = mean_nees(with_start(KalmanFilterOptions()), no_attacks());
@@ -100,6 +100,6 @@ TEST_CASE("filters that know of the attacks know how wrong they are, others do n
   const MeanNees printed = mean_nees(gslr_options(truth, RegressionMoments::kPaper), truth);
   const MeanNees unaware = mean_nees(with_start(KalmanFilterOptions()), truth);
   CAPTURE(printed.mean, printed.error, unaware.mean, unaware.error);
-  CHECK(printed.mean < kStates - 4.0 * printed.error);
-  CHECK(unaware.mean > kStates + 4.0 * unaware.error);
+  CHECK(printed.mean < kFlightStates - 4.0 * printed.error);
+  CHECK(unaware.mean > kFlightStates + 4.0 * unaware.error);
 }
