@@ -97,7 +97,7 @@ template <int N, int L>
 
 /// Linear minimum-variance update of `prior` by y: gain K = c Pxh S^-1, mean m + K (y - E[y]).
 /// Covariance in Joseph form, (I - K c J) P (I - K c J)' + K Omega K', where a Jacobian is known,
-/// else P - K S K'.
+/// and P J' = Pxh then; else P - K S K'.
 template <int N, int L>
 class GaussianUpdate {
  public:
