@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "common/errors.h"
@@ -15,13 +16,18 @@ namespace holdfast {
 
 /// Kalman filters of one linear model over many runs at once, for Monte Carlo of one's own: where
 /// every reading of every run arrives, covariance and gain are the same in all runs, so they are
-/// found once a step, and means go through vector registers, a run in each lane. Equal to the bit
-/// to the kernel of a KalmanFilter for each run. One thread; allocates nothing after construction.
+/// found once a step, and means go through vector registers, a run in each lane. N and L: 2, 4, 8,
+/// 12 or 16. One thread; allocates nothing after construction.
+///
+/// The numbers are those of a KalmanFilter for each run: to the bit where that is compiled for the
+/// sizes (4 x 2, 12 x 12) and both without fused multiplications (-ffp-contract=off), else but for
+/// rounding.
 template <int N, int L>
 class KalmanLanes {
   // Sizes of which products take the same two chains of sums here and in small_product.h.
   static_assert((N == 2 || N == 4 || N == 8 || N == 12 || N == 16) &&
-                (L == 2 || L == 4 || L == 8 || L == 12 || L == 16));
+                    (L == 2 || L == 4 || L == 8 || L == 12 || L == 16),
+                "sizes of filters in lanes are 2, 4, 8, 12 or 16");
 
  public:
   /// All runs begin with N(start.mean, start.covariance) at step 0. Throws UsageError when the
@@ -49,8 +55,9 @@ class KalmanLanes {
   }
 
   /// Predicts, and corrects run r by (readings[r], readings[num_runs + r], ..): [L x num_runs], row
-  /// by row. squared_distances, log_densities: [num_runs], of nu and of y. False, and the
-  /// predictions, when S is not positive definite.
+  /// by row. squared_distances, log_densities: [num_runs], of nu and of y. False, with the
+  /// predictions for means and nothing written, when S is not positive definite. Precondition:
+  /// spans of those sizes.
   bool step(std::span<const double> readings, std::span<double> squared_distances,
             std::span<double> log_densities) {
     predict_linear(F_, Q_, belief_, cross_, predicted_);

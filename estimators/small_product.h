@@ -99,7 +99,7 @@ template <int Rows, int Size, int kColumns, int kVectors>
 }
 
 // Columns that are summed together: as many as leave their sums, and what they are made of, in
-// sixteen registers.
+// sixteen registers of four numbers.
 constexpr int strip_of(int columns, int vectors) {
   for (int strip = 4; strip > 1; --strip) {
     if (columns % strip == 0 && strip * vectors <= 9) return strip;

@@ -36,11 +36,11 @@ std::vector<std::vector<MeasurementSet>> record_sets(const Experiment& experimen
 }
 
 double bare_steps_per_s(const Experiment& experiment,
-                        const std::vector<std::vector<MeasurementSet>>& runs, int num_rounds) {
+                        const std::vector<std::vector<MeasurementSet>>& runs, int num_passes) {
   const Eigen::VectorXd no_input;
   const std::int64_t started_ns = monotonic_time_ns();
   double num_steps = 0.0, sum = 0.0;
-  for (int round = 0; round < num_rounds; ++round) {
+  for (int pass = 0; pass < num_passes; ++pass) {
     for (std::size_t run = 0; run < runs.size(); ++run) {
       const auto filter =
           experiment.make_estimator(experiment.estimators[0], static_cast<std::uint32_t>(run));
@@ -55,12 +55,12 @@ double bare_steps_per_s(const Experiment& experiment,
 }
 
 double bare_on_all(const Experiment& experiment,
-                   const std::vector<std::vector<MeasurementSet>>& runs, int num_rounds,
+                   const std::vector<std::vector<MeasurementSet>>& runs, int num_passes,
                    int num_threads) {
   std::vector<double> rates(static_cast<std::size_t>(num_threads));
   std::vector<std::thread> threads;
   for (double& rate : rates)
-    threads.emplace_back([&] { rate = bare_steps_per_s(experiment, runs, num_rounds); });
+    threads.emplace_back([&] { rate = bare_steps_per_s(experiment, runs, num_passes); });
   for (std::thread& thread : threads) thread.join();
   double sum = 0.0;
   for (const double rate : rates) sum += rate;
@@ -124,7 +124,7 @@ int run(std::int64_t num_runs, int num_rounds) {
   const Experiment experiment = load_experiment(scenario, overrides);
   const int num_cores = default_threads(ProcessGroup());
   const auto sets = record_sets(experiment, 20);
-  const int num_loops = static_cast<int>(std::max<std::int64_t>(1, num_runs / 40));
+  const int num_passes = static_cast<int>(std::max<std::int64_t>(1, num_runs / 40));
   std::printf("Sec-PF, M = 500, %ld steps, %ld runs, kernel %s, %d cores, %d rounds\n",
               static_cast<long>(experiment.num_steps), static_cast<long>(num_runs),
               experiment.kernel_text().c_str(), num_cores, num_rounds);
@@ -133,8 +133,8 @@ int run(std::int64_t num_runs, int num_rounds) {
   std::vector<Round> rounds(static_cast<std::size_t>(num_rounds));
   for (std::size_t i = 0; i < rounds.size(); ++i) {
     const std::array<std::function<void()>, 3> loops = {
-        [&] { rounds[i].one = bare_steps_per_s(experiment, sets, num_loops); },
-        [&] { rounds[i].all = bare_on_all(experiment, sets, num_loops, num_cores); },
+        [&] { rounds[i].one = bare_steps_per_s(experiment, sets, num_passes); },
+        [&] { rounds[i].all = bare_on_all(experiment, sets, num_passes, num_cores); },
         [&] {
           rounds[i].campaign = campaign_steps_per_s(scenario, overrides, num_runs, num_cores);
         }};

@@ -88,7 +88,7 @@ void filter_and_smoother(benchmark::State& state, const SystemModel& model,
   }
 }
 
-// Steps of kLaneRuns filters at once, as many as keep their means in the first cache.
+// Steps of kLaneRuns filters at once, few enough to keep their means in the first cache.
 constexpr std::size_t kLaneRuns = 128;
 
 template <int N, int L>

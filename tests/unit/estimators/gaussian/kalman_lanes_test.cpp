@@ -39,8 +39,8 @@ std::vector<std::unique_ptr<VectorKernel>> kernels_of(const SystemModel& model,
                                                       const Gaussian& start, std::size_t num_runs) {
   KalmanFilterOptions options;
   options.start.mean.assign(start.mean.begin(), start.mean.end());
-  const Eigen::VectorXd std = start.covariance.diagonal().cwiseSqrt();
-  options.start.std.assign(std.begin(), std.end());
+  const Eigen::VectorXd start_std = start.covariance.diagonal().cwiseSqrt();
+  options.start.std.assign(start_std.begin(), start_std.end());
   std::vector<std::unique_ptr<VectorKernel>> kernels;
   for (std::size_t run = 0; run < num_runs; ++run) kernels.push_back(make_kernel(model, options));
   return kernels;

@@ -1,4 +1,4 @@
-// Products and factors of small matrices: every compiled size against Eigen's own.
+// Products and factors of small matrices: sizes of every path against Eigen's own.
 
 #include "estimators/small_product.h"
 
@@ -45,8 +45,9 @@ Small<Size, Size> draw_definite(std::uint32_t number) {
 }
 
 bool is_near(const Eigen::MatrixXd& ours, const Eigen::MatrixXd& theirs, double tolerance = 1e-14) {
-  return (ours - theirs).cwiseAbs().maxCoeff() <=
-         tolerance * (1.0 + theirs.cwiseAbs().maxCoeff()) * static_cast<double>(ours.rows());
+  return ours.allFinite() &&
+         (ours - theirs).cwiseAbs().maxCoeff() <=
+             tolerance * (1.0 + theirs.cwiseAbs().maxCoeff()) * static_cast<double>(ours.rows());
 }
 
 template <class Matrix>
@@ -84,6 +85,9 @@ TEMPLATE_TEST_CASE("small products equal Eigen's", "", (Sizes<1, 1>), (Sizes<2, 
   square = base;
   add_product(square, A, B, square);
   CHECK(is_near(square, base_ + A_ * B_));
+  square = base;
+  add_transposed_product(square, A, C, square);
+  CHECK(is_near(square, base_ + A_ * C_.transpose()));
 }
 
 TEMPLATE_TEST_CASE("symmetric small products take the upper triangle for both", "", (Sizes<1, 1>),
@@ -117,6 +121,9 @@ TEMPLATE_TEST_CASE("symmetric small products take the upper triangle for both", 
   out = base;
   add_symmetric(out, A, B, out);
   CHECK(is_near(out, mirrored(base_ + A_ * B_)));
+  out = base;
+  add_transposed_symmetric(out, C, D, out);
+  CHECK(is_near(out, mirrored(base_ + C_ * D_.transpose())));
 }
 
 TEMPLATE_TEST_CASE("a small factor solves as Eigen's does", "", (Sizes<2, 4>), (Sizes<3, 4>),
@@ -134,7 +141,7 @@ TEMPLATE_TEST_CASE("a small factor solves as Eigen's does", "", (Sizes<2, 4>), (
     factor.solve_right(solved);
     CHECK(is_near(solved, Eigen::MatrixXd(M) * inverse, 1e-12));
 
-    // L L'^-1 D^-1 L^-1, step by step: M S^-1 M' as the gain needs it.
+    // M L'^-1 D^-1 (M L'^-1)', step by step: M S^-1 M' as the gain needs it.
     Small<kRows, kSize> half = M, scaled;
     factor.forward_right(half);
     scaled = half;

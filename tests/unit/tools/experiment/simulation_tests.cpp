@@ -170,8 +170,11 @@ TEST_CASE("positions in whole millimetres are the same, but for their rounding")
   const Experiment in_millimetres =
       load_experiment(scenario, {attacks, "network.messages=[PositionScaled]"});
   Simulation metres(in_metres, 1), millimetres(in_millimetres, 1);
+  REQUIRE(metres.estimates().size() == millimetres.estimates().size());
+  REQUIRE(metres.estimates().size() > 5);
   int num_forced = 0, num_rounded = 0;
-  while (metres.advance() && millimetres.advance()) {
+  while (metres.advance()) {
+    REQUIRE(millimetres.advance());
     const std::vector<double>& exact = metres.measurements().values;
     const std::vector<double>& rounded = millimetres.measurements().values;
     REQUIRE(exact.size() == 2);
@@ -189,6 +192,7 @@ TEST_CASE("positions in whole millimetres are the same, but for their rounding")
       CHECK((metres.estimates()[i]->mean - millimetres.estimates()[i]->mean).norm() < 0.01);
     }
   }
+  CHECK_FALSE(millimetres.advance());
   CHECK(num_forced > 0);
   CHECK(num_rounded > 400);
 }
