@@ -23,12 +23,22 @@ struct Lanes {
   static void store(const Type& from, double* to) { std::memcpy(to, &from, sizeof(from)); }
 };
 
-// A factor on the right, or its transpose: its column-major elements as the product takes them.
-template <int Stride, bool kIsTransposed>
+// A factor on the right, or its transpose: by elements as the product takes them, and as Eigen
+// does.
+template <class Matrix, bool kIsTransposed>
 struct Right {
-  const double* data;
+  static constexpr int kStride = Matrix::RowsAtCompileTime;
+  const Matrix& matrix;
+
   double operator()(int k, int j) const {
-    return kIsTransposed ? data[k * Stride + j] : data[j * Stride + k];
+    return matrix.data()[kIsTransposed ? k * kStride + j : j * kStride + k];
+  }
+  decltype(auto) expression() const {
+    if constexpr (kIsTransposed) {
+      return matrix.transpose();
+    } else {
+      return (matrix);
+    }
   }
 };
 
@@ -58,7 +68,7 @@ template <int Rows, int Size, int kColumns, int kVectors, Action kAction, class 
 }
 
 // sums(i, j) (+)= sum over k < Inner of A(i, k) B(k, first_column + j). Few sums are taken by two
-// chains, which wait less for each other.
+// chains, which wait less for each other; KalmanLanes repeats their order.
 template <int Rows, int Size, int kColumns, int kVectors, int Inner, bool kContinues, class Factor>
 [[gnu::always_inline]] inline void add_products(const double* A, const Factor& B, int first_column,
                                                 Sums<Size, kColumns, kVectors>& sums) {
@@ -162,11 +172,11 @@ template <int Rows, int kRow, int kColumn>
   }
 }
 
-// A product of the sum of a symmetric product, with what multiplies it.
-template <int InnerSize, class Factor>
+// One product A B of a sum of products.
+template <int Rows, int InnerSize, class Factor>
 struct Term {
   static constexpr int kInner = InnerSize;
-  const double* A;
+  const Small<Rows, InnerSize>& A;
   Factor B;
 };
 
@@ -177,10 +187,10 @@ void sum_blocks(const double* base, double* out, const First& first, const Other
   constexpr int kBlocks = kRow < kColumn ? 2 : 1, kStart = 4 * kRow;
   Sums<4, 4, kBlocks> sums;
   if constexpr (kHasBase) load_sums<Rows, 4, 4, kBlocks>(base + kStart, 4 * kColumn, sums);
-  add_products<Rows, 4, 4, kBlocks, First::kInner, kHasBase>(first.A + kStart, first.B, 4 * kColumn,
-                                                             sums);
-  (add_products<Rows, 4, 4, kBlocks, Others::kInner, true>(others.A + kStart, others.B, 4 * kColumn,
-                                                           sums),
+  add_products<Rows, 4, 4, kBlocks, First::kInner, kHasBase>(first.A.data() + kStart, first.B,
+                                                             4 * kColumn, sums);
+  (add_products<Rows, 4, 4, kBlocks, Others::kInner, true>(others.A.data() + kStart, others.B,
+                                                           4 * kColumn, sums),
    ...);
   Four block[4] = {sums[0][0], sums[1][0], sums[2][0], sums[3][0]};
   store_symmetric<Rows, kRow, kColumn>(block, out);
@@ -200,8 +210,8 @@ void sum_symmetric(const double* base, double* out, const First& first, const Ot
   if constexpr (Rows == 2) {
     Sums<2, 2, 1> sums;
     if constexpr (kHasBase) load_sums<2, 2, 2, 1>(base, 0, sums);
-    add_products<2, 2, 2, 1, First::kInner, kHasBase>(first.A, first.B, 0, sums);
-    (add_products<2, 2, 2, 1, Others::kInner, true>(others.A, others.B, 0, sums), ...);
+    add_products<2, 2, 2, 1, First::kInner, kHasBase>(first.A.data(), first.B, 0, sums);
+    (add_products<2, 2, 2, 1, Others::kInner, true>(others.A.data(), others.B, 0, sums), ...);
     Lanes<2>::store(__builtin_shufflevector(sums[0][0], sums[1][0], 0, 2), out);
     Lanes<2>::store(sums[1][0], out + 2);
   } else {
@@ -242,20 +252,48 @@ void solve_right(const Factor& L, double* M) {
 template <int Rows, int Inner, int Columns>
 inline constexpr bool kIsBlocked = is_blocked(Rows) && Inner > 0 && Columns > 0;
 
+template <int Rows, int Columns>
+using Plain = Right<Small<Rows, Columns>, false>;
+template <int Rows, int Columns>
+using Transposed = Right<Small<Rows, Columns>, true>;
+
+// out = base + A B, or A B without a base.
+template <bool kHasBase, int Rows, int Inner, int Columns, class Factor>
+void product(const Small<Rows, Columns>* base, const Small<Rows, Inner>& A, const Factor& B,
+             Small<Rows, Columns>& out) {
+  if constexpr (kIsBlocked<Rows, Inner, Columns>) {
+    multiply<Rows, Columns, Inner, kHasBase>(kHasBase ? base->data() : nullptr, A.data(), B,
+                                             out.data());
+  } else if constexpr (kHasBase) {
+    out = *base;
+    out += A.lazyProduct(B.expression());
+  } else {
+    out = A.lazyProduct(B.expression());
+  }
+}
+
+// out = base + the sum of the terms, or that sum without a base, where it is symmetric.
+template <bool kHasBase, int Rows, class First, class... Others>
+void symmetric_sum(const Small<Rows, Rows>* base, Small<Rows, Rows>& out, const First& first,
+                   const Others&... others) {
+  if constexpr (is_blocked(Rows) && First::kInner > 0 && (true && ... && (Others::kInner > 0))) {
+    sum_symmetric<Rows, kHasBase>(kHasBase ? base->data() : nullptr, out.data(), first, others...);
+  } else {
+    product<kHasBase>(base, first.A, first.B, out);
+    (product<true>(&out, others.A, others.B, out), ...);
+    symmetrise_small(out);
+  }
+}
+
 }  // namespace small_product_detail
 
 /// out = A B. Where sizes are compiled and the rows of A are 2 or a multiple of 4, sums are kept in
-/// registers, here as below. `out` may be neither factor.
+/// registers, here as below. `out` may be none of the factors.
 template <int Rows, int Inner, int Columns>
 void multiply(const Small<Rows, Inner>& A, const Small<Inner, Columns>& B,
               Small<Rows, Columns>& out) {
   namespace detail = small_product_detail;
-  if constexpr (detail::kIsBlocked<Rows, Inner, Columns>) {
-    detail::multiply<Rows, Columns, Inner, false>(
-        nullptr, A.data(), detail::Right<Inner, false>{B.data()}, out.data());
-  } else {
-    out = A.lazyProduct(B);
-  }
+  detail::product<false, Rows, Inner, Columns>(nullptr, A, detail::Plain<Inner, Columns>{B}, out);
 }
 
 /// out = A B'.
@@ -263,12 +301,8 @@ template <int Rows, int Inner, int Columns>
 void multiply_transposed(const Small<Rows, Inner>& A, const Small<Columns, Inner>& B,
                          Small<Rows, Columns>& out) {
   namespace detail = small_product_detail;
-  if constexpr (detail::kIsBlocked<Rows, Inner, Columns>) {
-    detail::multiply<Rows, Columns, Inner, false>(
-        nullptr, A.data(), detail::Right<Columns, true>{B.data()}, out.data());
-  } else {
-    out = A.lazyProduct(B.transpose());
-  }
+  detail::product<false, Rows, Inner, Columns>(nullptr, A, detail::Transposed<Columns, Inner>{B},
+                                               out);
 }
 
 /// out = base + A B; `base` may be `out`.
@@ -276,13 +310,7 @@ template <int Rows, int Inner, int Columns>
 void add_product(const Small<Rows, Columns>& base, const Small<Rows, Inner>& A,
                  const Small<Inner, Columns>& B, Small<Rows, Columns>& out) {
   namespace detail = small_product_detail;
-  if constexpr (detail::kIsBlocked<Rows, Inner, Columns>) {
-    detail::multiply<Rows, Columns, Inner, true>(base.data(), A.data(),
-                                                 detail::Right<Inner, false>{B.data()}, out.data());
-  } else {
-    out = base;
-    out += A.lazyProduct(B);
-  }
+  detail::product<true, Rows, Inner, Columns>(&base, A, detail::Plain<Inner, Columns>{B}, out);
 }
 
 /// out = base + A B'; `base` may be `out`.
@@ -290,13 +318,7 @@ template <int Rows, int Inner, int Columns>
 void add_transposed_product(const Small<Rows, Columns>& base, const Small<Rows, Inner>& A,
                             const Small<Columns, Inner>& B, Small<Rows, Columns>& out) {
   namespace detail = small_product_detail;
-  if constexpr (detail::kIsBlocked<Rows, Inner, Columns>) {
-    detail::multiply<Rows, Columns, Inner, true>(
-        base.data(), A.data(), detail::Right<Columns, true>{B.data()}, out.data());
-  } else {
-    out = base;
-    out += A.lazyProduct(B.transpose());
-  }
+  detail::product<true, Rows, Inner, Columns>(&base, A, detail::Transposed<Columns, Inner>{B}, out);
 }
 
 /// out = A B where that is symmetric: its upper triangle stands for both, here as below.
@@ -304,14 +326,8 @@ template <int Rows, int Inner>
 void multiply_symmetric(const Small<Rows, Inner>& A, const Small<Inner, Rows>& B,
                         Small<Rows, Rows>& out) {
   namespace detail = small_product_detail;
-  if constexpr (detail::kIsBlocked<Rows, Inner, Rows>) {
-    using Plain = detail::Right<Inner, false>;
-    detail::sum_symmetric<Rows, false>(nullptr, out.data(),
-                                       detail::Term<Inner, Plain>{A.data(), {B.data()}});
-  } else {
-    out = A.lazyProduct(B);
-    symmetrise_small(out);
-  }
+  using Plain = detail::Plain<Inner, Rows>;
+  detail::symmetric_sum<false, Rows>(nullptr, out, detail::Term<Rows, Inner, Plain>{A, {B}});
 }
 
 /// out = base + A B where that is symmetric; `base` may be `out`.
@@ -319,15 +335,8 @@ template <int Rows, int Inner>
 void add_symmetric(const Small<Rows, Rows>& base, const Small<Rows, Inner>& A,
                    const Small<Inner, Rows>& B, Small<Rows, Rows>& out) {
   namespace detail = small_product_detail;
-  if constexpr (detail::kIsBlocked<Rows, Inner, Rows>) {
-    using Plain = detail::Right<Inner, false>;
-    detail::sum_symmetric<Rows, true>(base.data(), out.data(),
-                                      detail::Term<Inner, Plain>{A.data(), {B.data()}});
-  } else {
-    out = base;
-    out += A.lazyProduct(B);
-    symmetrise_small(out);
-  }
+  using Plain = detail::Plain<Inner, Rows>;
+  detail::symmetric_sum<true, Rows>(&base, out, detail::Term<Rows, Inner, Plain>{A, {B}});
 }
 
 /// out = base + A B' where that is symmetric; `base` may be `out`.
@@ -335,34 +344,20 @@ template <int Rows, int Inner>
 void add_transposed_symmetric(const Small<Rows, Rows>& base, const Small<Rows, Inner>& A,
                               const Small<Rows, Inner>& B, Small<Rows, Rows>& out) {
   namespace detail = small_product_detail;
-  if constexpr (detail::kIsBlocked<Rows, Inner, Rows>) {
-    using Transposed = detail::Right<Rows, true>;
-    detail::sum_symmetric<Rows, true>(base.data(), out.data(),
-                                      detail::Term<Inner, Transposed>{A.data(), {B.data()}});
-  } else {
-    out = base;
-    out += A.lazyProduct(B.transpose());
-    symmetrise_small(out);
-  }
+  using Transposed = detail::Transposed<Rows, Inner>;
+  detail::symmetric_sum<true, Rows>(&base, out, detail::Term<Rows, Inner, Transposed>{A, {B}});
 }
 
-/// out = A B + C D' where that is symmetric.
+/// out = A B + C D' where that is symmetric; `out` may be none of the four.
 template <int Rows, int Inner, int OtherInner>
 void multiply_symmetric(const Small<Rows, Inner>& A, const Small<Inner, Rows>& B,
                         const Small<Rows, OtherInner>& C, const Small<Rows, OtherInner>& D,
                         Small<Rows, Rows>& out) {
   namespace detail = small_product_detail;
-  if constexpr (detail::kIsBlocked<Rows, Inner, Rows> && OtherInner > 0) {
-    using Plain = detail::Right<Inner, false>;
-    using Transposed = detail::Right<Rows, true>;
-    detail::sum_symmetric<Rows, false>(nullptr, out.data(),
-                                       detail::Term<Inner, Plain>{A.data(), {B.data()}},
-                                       detail::Term<OtherInner, Transposed>{C.data(), {D.data()}});
-  } else {
-    out = A.lazyProduct(B);
-    out += C.lazyProduct(D.transpose());
-    symmetrise_small(out);
-  }
+  using Plain = detail::Plain<Inner, Rows>;
+  using Transposed = detail::Transposed<Rows, OtherInner>;
+  detail::symmetric_sum<false, Rows>(nullptr, out, detail::Term<Rows, Inner, Plain>{A, {B}},
+                                     detail::Term<Rows, OtherInner, Transposed>{C, {D}});
 }
 
 }  // namespace holdfast
