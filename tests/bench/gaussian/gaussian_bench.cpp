@@ -13,31 +13,13 @@
 #include "estimators/gslr.h"
 #include "estimators/kalman_filter.h"
 #include "estimators/kalman_lanes.h"
+#include "tests/support/dense_model.h"
 
 namespace {
 
 using namespace holdfast;
 
 constexpr int kSteps = 400;
-
-// States in pairs, each with every measurement of its own when n = l.
-SystemModel dense_model(int n, int l) {
-  const RandomStream stream(1, 0, "bench/model");
-  SystemModel model;
-  model.A = 0.9 * Eigen::MatrixXd::Identity(n, n);
-  model.C = Eigen::MatrixXd::Identity(l, n);
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < n; ++j) {
-      model.A(i, j) += 0.02 * stream.normal(1, static_cast<std::uint64_t>(i * n + j));
-      if (i < l) model.C(i, j) += 0.1 * stream.normal(2, static_cast<std::uint64_t>(i * n + j));
-    }
-  }
-  model.G = Eigen::MatrixXd::Zero(n, 0);
-  model.H = Eigen::MatrixXd::Zero(l, 0);
-  model.Q = 0.01 * Eigen::MatrixXd::Identity(n, n);
-  model.R = 0.1 * Eigen::MatrixXd::Identity(l, l);
-  return model;
-}
 
 struct Readings {
   std::vector<int> rows;
@@ -123,7 +105,7 @@ Options with_attacks(int l) {
 
 int main(int argc, char** argv) {
   const SystemModel aircraft = make_turning_target_model(TurningTargetOptions());
-  const SystemModel dense = dense_model(12, 12);
+  const SystemModel dense = testing::dense_model(12, 12);
   AttackMixtureOptions one_pass = with_attacks<AttackMixtureOptions>(2);
   one_pass.smoother_passes = 1;
   const auto add = [](const char* name, auto function, const SystemModel& model,
