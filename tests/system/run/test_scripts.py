@@ -94,6 +94,12 @@ class ScriptsTest(RunTest):
             self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
             self.assertIn("nothing is built yet", done.stderr)
             self.assertIn("run scripts/run first", done.stderr)
+        # Help is there all the same, and nothing is installed or built for it.
+        done = subprocess.run(["bash", self.path("scripts/run"), "--help"], capture_output=True, text=True, timeout=60,
+                              env={"PATH": os.environ["PATH"]})
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        self.assertIn("run [SCENARIO] [OPTION...]", done.stdout)
+        self.assertEqual(os.listdir(self.folder), ["scripts"])
 
 
 if __name__ == "__main__":
