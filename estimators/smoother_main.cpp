@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <iostream>
 
+#include "common/log_file.h"
 #include "tools/log_fit.h"
 #include "tools/log_smoother.h"
 #include "tools/program_options.h"
@@ -22,29 +23,36 @@ void show_progress(std::int64_t step, std::int64_t num_steps) {
 }
 
 void show_round(const LogFitRound& round) {
+  if (round.round == 1) {
+    std::printf("%5s %16s %8s %8s %8s %8s %10s %9s %9s\n", "round", "log-likelihood", "attack",
+                "dos", "bias", "scale", "scale mean", "scale std", "change");
+  }
   const AttackStatistics& s = round.statistics;
-  std::printf("%5d %16.4f %8.4f %8.4f %8.4f %8.4f %8.4f %8.4f\n", round.round, round.log_likelihood,
-              s.attack_probability, s.dos_probability, s.bias_probability, s.scale_probability,
-              s.scale_mean, s.scale_std);
+  std::printf("%5d %16.4f %8.4f %8.4f %8.4f %8.4f %10.4f %9.4f %9.1e\n", round.round,
+              round.log_likelihood, s.attack_probability, s.dos_probability, s.bias_probability,
+              s.scale_probability, s.scale_mean, s.scale_std, round.change);
+  std::fflush(stdout);
 }
 
 // What the log says of the attacks, as a block for the scenario.
-AttackStatistics fit(const std::string& log, const std::string& name) {
-  LogFitOptions options;
-  options.log_file = log;
-  options.name = name;
-  options.on_round = show_round;
-  std::printf("%5s %16s %8s %8s %8s %8s %8s %8s\n", "round", "log-likelihood", "attack", "dos",
-              "bias", "scale", "mean", "std");
-  const AttackStatistics fitted = fit_log(options).statistics;
-  std::cout << "\nfor the scenario's estimator '" << name << "':\n" << assumes_text(fitted) << "\n";
-  return fitted;
+AttackStatistics fit(const LogFitOptions& options) {
+  const LogFitRound last = fit_log(options);
+  if (!last.is_converged) {
+    std::cerr << "holdfast-smoother: stopped after " << last.round
+              << " rounds, not converged: the beliefs still change by " << last.change
+              << " of their size (tolerance " << options.tolerance
+              << "; --fit-rounds allows more)\n";
+  }
+  std::cout << "\nfor the scenario's estimator '" << options.name << "':\n"
+            << assumes_text(last.statistics) << "\n";
+  return last.statistics;
 }
 
-int smooth(LogSmootherOptions& options, const std::string& fitted_name) {
-  if (!fitted_name.empty()) {
-    options.statistics = fit(options.log_file, fitted_name);
-    options.name = fitted_name;
+int smooth(LogSmootherOptions& options, LogFitOptions& fitted) {
+  options.log_file = fitted.log_file = log_of_run(options.log_file);
+  if (!fitted.name.empty()) {
+    options.statistics = fit(fitted);
+    options.name = fitted.name;
   }
   if (options.out_file.empty()) options.out_file = default_out(options.log_file);
   const bool is_terminal = isatty(STDERR_FILENO) != 0;
@@ -71,17 +79,21 @@ int main(int argc, char** argv) {
       "  holdfast-smoother run/log.lcm --fit mixture          (learns what it assumes of attacks "
       "first)");
   holdfast::LogSmootherOptions options;
-  std::string fitted_name;
-  app.add_option("log", options.log_file, "LCM log of a run")->required();
+  holdfast::LogFitOptions fitted;
+  fitted.on_round = holdfast::show_round;
+  app.add_option("log", options.log_file, "LCM log of a run, or the run's folder")->required();
   app.add_option("--out", options.out_file, "Log to write [LOG with -smoothed before its ending]");
   app.add_option("--name", options.name, "Only this estimator, with or without the key `smoother`");
-  app.add_option("--fit", fitted_name,
+  app.add_option("--fit", fitted.name,
                  "This estimator (method attack_mixture), with beliefs fitted to the log by "
                  "expectation-maximisation, which are printed")
       ->excludes("--name");
+  app.add_option("--fit-rounds", fitted.rounds_max, "Rounds after which the fit stops")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str();
   app.add_option("--lag", options.lag_steps,
                  "Steps that an estimate may look ahead [the scenario's; 0: the whole run]")
       ->check(CLI::Range(std::int64_t{0}, std::int64_t{100000}));
   return holdfast::run_command_line(app, "holdfast-smoother", argc, argv,
-                                    [&] { return holdfast::smooth(options, fitted_name); });
+                                    [&] { return holdfast::smooth(options, fitted); });
 }

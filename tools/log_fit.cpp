@@ -9,10 +9,10 @@
 
 #include "common/log_file.h"
 #include "common/measurement_messages.h"
-#include "common/run_meta.h"
 #include "estimators/attack_mixture.h"
 #include "estimators/estimator_session.h"
 #include "tools/experiment.h"
+#include "tools/log_meta.h"
 
 namespace holdfast {
 namespace {
@@ -54,9 +54,7 @@ double largest_change(const AttackStatistics& before, const AttackStatistics& af
 }  // namespace
 
 LogFitRound fit_log(const LogFitOptions& options) {
-  const RunMeta meta = read_run_meta(options.log_file);
-  const Experiment experiment =
-      experiment_from_text(meta.scenario, options.log_file + " (RUN_META)");
+  const auto [meta, experiment] = read_logged_experiment(options.log_file);
   const EstimatorEntry& entry = experiment.estimator(options.name);
   if (entry.method != "attack_mixture" || entry.is_campaign_only()) {
     throw UsageError("estimator '" + entry.name +
@@ -80,11 +78,11 @@ LogFitRound fit_log(const LogFitOptions& options) {
     filter->smooth();
     round.log_likelihood = filter->log_likelihood();
     next = filter->fit();
+    round.change = largest_change(round.statistics, next);
+    round.is_converged = round.change < options.tolerance;
     if (options.on_round) options.on_round(round);
-    if (round.round == options.rounds_max) break;
-    if (largest_change(round.statistics, next) < options.tolerance) break;
+    if (round.is_converged || round.round == options.rounds_max) return round;
   }
-  return round;
 }
 
 std::string assumes_text(const AttackStatistics& statistics) {

@@ -7,11 +7,15 @@
 
 namespace holdfast {
 
-/// One round of a fit: the beliefs that it had, and how likely they make the readings.
+/// One round of a fit: the beliefs that it had, and how likely they make the readings: by the
+/// filter, which collapses its hypotheses, so that more probable beliefs can come out a little less
+/// likely.
 struct LogFitRound {
   int round = 0;
   double log_likelihood = 0.0;
   AttackStatistics statistics;
+  double change = 0.0;  // largest of a parameter to the next round, relative to its size
+  bool is_converged = false;
 };
 
 /// What is to be fitted on which log.
@@ -19,13 +23,14 @@ struct LogFitOptions {
   std::string log_file;
   std::string name;  // of an estimator of method attack_mixture
   int rounds_max = 50;
-  double tolerance = 1e-3;  // largest change of a parameter, relative to its size, that ends it
+  double tolerance = 1e-3;                           // of the change, which ends it
   std::function<void(const LogFitRound&)> on_round;  // may be empty
 };
 
 /// Fits what an attack_mixture of a log's scenario assumes of attacks by expectation-maximisation,
-/// from what the scenario says; returns the last round. Throws UsageError for a log without
-/// scenario or measurement sets, and for an estimator that is not there or of another method.
+/// from what the scenario says; returns the last round, which may not have converged. Throws
+/// UsageError for a log without scenario or measurement sets, and for an estimator that is not
+/// there or of another method.
 LogFitRound fit_log(const LogFitOptions& options);
 
 /// The block `assumes` of a scenario that says these statistics.
