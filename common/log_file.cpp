@@ -4,6 +4,7 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 
 #include "common/errors.h"
 
@@ -94,8 +95,21 @@ bool LogReader::next(LogEvent& event) {
   }
 }
 
-LogWriter::LogWriter(const std::string& file) : name_(file), file_(std::fopen(file.c_str(), "wb")) {
-  if (!file_) throw JobError(file + ": cannot be written: " + std::strerror(errno));
+std::string log_of_run(const std::string& path) {
+  if (!std::filesystem::is_directory(path)) return path;
+  const std::filesystem::path log = std::filesystem::path(path) / "log.lcm";
+  if (std::filesystem::exists(log)) return log.string();
+  throw UsageError(path + ": a folder without log.lcm; name a log, or a run's folder");
+}
+
+LogWriter::LogWriter(const std::string& file, Appears appears)
+    : name_(file), unfinished_(appears == Appears::kWhenFinished ? file + ".part" : "") {
+  file_.reset(std::fopen((unfinished_.empty() ? name_ : unfinished_).c_str(), "wb"));
+  if (!file_) throw JobError(name_ + ": cannot be written: " + std::strerror(errno));
+}
+
+LogWriter::~LogWriter() {
+  if (file_ && !unfinished_.empty()) std::remove(unfinished_.c_str());
 }
 
 void LogWriter::write(const std::string& channel, std::int64_t utime,
@@ -114,12 +128,12 @@ void LogWriter::write(const std::string& channel, std::int64_t utime,
   if (!written) throw JobError(name_ + ": cannot be written: " + std::strerror(errno));
 }
 
-void LogWriter::finish_as(const std::string& file) {
+void LogWriter::finish() {
   flush();
-  file_.reset();
-  if (std::rename(name_.c_str(), file.c_str()) != 0) {
-    throw JobError(file + ": cannot be written: " + std::strerror(errno));
+  if (!unfinished_.empty() && std::rename(unfinished_.c_str(), name_.c_str()) != 0) {
+    throw JobError(name_ + ": cannot be written: " + std::strerror(errno));
   }
+  file_.reset();
 }
 
 void LogWriter::flush() {

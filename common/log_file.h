@@ -20,6 +20,10 @@ struct LogEvent {
   std::vector<std::uint8_t> data;
 };
 
+/// The log that a path names: a run's folder stands for its log.lcm. Throws UsageError for a folder
+/// without one.
+std::string log_of_run(const std::string& path);
+
 /// Reads LCM logs written by anyone, damaged ones included.
 class LogReader {
  public:
@@ -51,8 +55,16 @@ class LogReader {
 /// Writes an LCM log in process: same bytes for the same events, unlike lcm-logger.
 class LogWriter {
  public:
+  /// From the first event on, or complete only: until finish() it is FILE.part, which goes with a
+  /// writer that did not finish.
+  enum class Appears { kAtOnce, kWhenFinished };
+
   /// Throws JobError when the file cannot be made.
-  explicit LogWriter(const std::string& file);
+  explicit LogWriter(const std::string& file, Appears appears = Appears::kAtOnce);
+  ~LogWriter();
+  LogWriter(const LogWriter&) = delete;
+  LogWriter& operator=(const LogWriter&) = delete;
+
   /// Throws JobError when it cannot be written; flush() tells of what the memory still held.
   void write(const std::string& channel, std::int64_t utime, const std::vector<std::uint8_t>& data);
   /// Encodes with the channel's next seq; each producer on a channel has its own.
@@ -61,14 +73,15 @@ class LogWriter {
                      const std::string& producer = "");
   /// Hands everything to the kernel; throws JobError when the disk is full.
   void flush();
-  /// Closes the file and gives it another name, replacing what stood there. Throws JobError.
-  void finish_as(const std::string& file);
+  /// Closes the file and gives it its name, replacing what stood there. Throws JobError.
+  void finish();
 
  private:
   struct Closer {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
   std::string name_;
+  std::string unfinished_;  // name until then; "": finished, or never another one
   std::unique_ptr<std::FILE, Closer> file_;
   std::int64_t next_number_ = 0;
   std::map<std::string, std::int64_t> next_seq_;

@@ -50,11 +50,14 @@ RunMeta read_run_meta(const std::string& log_file) {
   LogReader reader(log_file);
   LogEvent event;
   run_meta_t message;
+  bool has_event = false;
   while (reader.next(event)) {
+    has_event = true;
     if (event.channel == "RUN_META" && decode_guarded(event.data, message)) {
       return {message.name, message.scenario, message.seed, message.run, message.kernel};
     }
   }
+  if (!has_event) throw UsageError(log_file + ": is no LCM log, or an empty one");
   throw UsageError(log_file +
                    ": holds no RUN_META, so it is not known which scenario it belongs to");
 }

@@ -1,3 +1,6 @@
+#include <iostream>
+
+#include "common/log_file.h"
 #include "drivers/event_loop.h"
 #include "tools/estimator_process.h"
 #include "tools/log_replay.h"
@@ -57,13 +60,14 @@ int main(int argc, char** argv) {
       ->allow_extra_args(false);
   options.add_lcm(app);
   app.add_option("--name", options.name, "Name of the estimator in the scenario");
-  auto* log =
-      app.add_option("--log", options.log, "Log to read instead of LCM; its scenario is used");
+  auto* log = app.add_option("--log", options.log,
+                             "Log, or run's folder, to read instead of LCM; its scenario is used");
   app.add_option("--out", options.out, "Log to write")->needs(log);
   return holdfast::run_command_line(app, "holdfast-estimator", argc, argv, [&] {
     if (options.log.empty()) return holdfast::run_live(options);
     if (options.out.empty()) throw holdfast::UsageError("--log needs --out FILE for the estimates");
-    holdfast::replay_log(options.log, options.out, options.name);
+    holdfast::replay_log(holdfast::log_of_run(options.log), options.out, options.name);
+    std::cout << options.out << ": written\n";
     return 0;
   });
 }

@@ -39,6 +39,12 @@ LoggedMeta read_logged_meta(const std::string& log_file) {
   return {read_run_meta(log_file), true};
 }
 
+LoggedExperiment read_logged_experiment(const std::string& log_file) {
+  const LoggedMeta logged = read_logged_meta(log_file);
+  if (logged.is_damaged) throw UsageError(log_file + ": the scenario in its RUN_META is damaged");
+  return {logged.meta, experiment_from_text(logged.meta.scenario, log_file + " (RUN_META)")};
+}
+
 ScenarioFacts facts_of(const LoggedMeta& logged, const std::string& place) {
   if (logged.meta.scenario.size() > kScenarioBytesMax)
     throw UsageError(place + ": the scenario in its RUN_META is longer than 256 kB");

@@ -9,12 +9,12 @@
 
 #include "common/log_file.h"
 #include "common/measurement_messages.h"
-#include "common/run_meta.h"
 #include "common/status.h"
 #include "estimators/estimate_messages.h"
 #include "estimators/estimator_session.h"
 #include "estimators/smoothed_stream.h"
 #include "tools/experiment.h"
+#include "tools/log_meta.h"
 
 namespace holdfast {
 namespace {
@@ -45,8 +45,7 @@ void warn_of_kernel(const std::string& program, const Experiment& experiment, co
 
 void replay_log(const std::string& log_file, const std::string& out_file, const std::string& name) {
   check_new_log(log_file, out_file);
-  const RunMeta meta = read_run_meta(log_file);
-  const Experiment experiment = experiment_from_text(meta.scenario, log_file + " (RUN_META)");
+  const auto [meta, experiment] = read_logged_experiment(log_file);
   warn_of_kernel("holdfast-estimator", experiment, meta);
   std::vector<Replayed> replayed;
   if (!name.empty()) experiment.estimator(name);
@@ -64,8 +63,7 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
     throw UsageError(log_file + ": its scenario has no estimator that could be run again");
 
   LogReader reader(log_file);
-  const std::string unfinished = out_file + ".part";
-  LogWriter writer(unfinished);
+  LogWriter writer(out_file, LogWriter::Appears::kWhenFinished);
   run_meta_t meta_message = to_message(meta);
   writer.write_message("RUN_META", 0, meta_message);
   LogEvent event;
@@ -92,11 +90,8 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
       });
     }
   }
-  if (num_sets == 0) {
-    std::filesystem::remove(unfinished);
-    throw UsageError(log_file + ": holds no measurement set");
-  }
-  writer.finish_as(out_file);
+  if (num_sets == 0) throw UsageError(log_file + ": holds no measurement set");
+  writer.finish();
 }
 
 }  // namespace holdfast

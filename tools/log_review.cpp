@@ -162,15 +162,16 @@ class Reviewer {
 
   void review_estimators() {
     std::set<std::string> insiders;
-    for (const auto& [name, is_campaign_only] : facts_.estimators) {
-      const std::string suffix = channel_name("", name);
+    for (const ListedEstimator& listed : facts_.estimators) {
+      const std::string suffix = channel_name("", listed.name);
       const auto found = trace_.estimators.find(suffix);
       EstimatorReview review;
-      review.name = name;
+      review.name = listed.name;
       review.is_in_scenario = true;
-      review.is_campaign_only = is_campaign_only && found == trace_.estimators.end();
-      review_estimator(found == trace_.estimators.end() ? EstimatorTrace{} : found->second, suffix,
-                       review);
+      const bool is_missing = found == trace_.estimators.end();
+      review.is_campaign_only = listed.is_campaign_only && is_missing;
+      review.is_offline = listed.is_offline && is_missing;
+      review_estimator(is_missing ? EstimatorTrace{} : found->second, suffix, review);
       insiders.insert(suffix);
     }
     for (const auto& [suffix, estimator] : pick_outsiders(insiders)) {
@@ -205,7 +206,7 @@ class Reviewer {
     review.channel = estimate_channel(suffix);
     review.repeated_steps = estimator.repeated;
     review.missing_steps =
-        review.is_campaign_only
+        review.is_campaign_only || review.is_offline
             ? 0
             : std::max<std::int64_t>(
                   0, trace_.num_steps - static_cast<std::int64_t>(estimator.samples.size()));

@@ -35,6 +35,7 @@ struct EstimatorReview {
   std::string trace_key;  // among LogTrace::estimators
   bool is_in_scenario = false;
   bool is_campaign_only = false;    // sees clean measurements, so it publishes nothing live
+  bool is_offline = false;          // looks back over the log, and nobody has done so yet
   std::int64_t num_steps = 0;       // with both truth and a finite estimate
   std::int64_t missing_steps = 0;   // steps of the scenario without any estimate
   std::int64_t repeated_steps = 0;  // further estimates for a step that had one; the first counts

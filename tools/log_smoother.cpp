@@ -1,6 +1,5 @@
 #include "tools/log_smoother.h"
 
-#include <filesystem>
 #include <holdfast/estimate_t.hpp>
 #include <holdfast/measurement_set_t.hpp>
 #include <iostream>
@@ -9,13 +8,13 @@
 
 #include "common/log_file.h"
 #include "common/measurement_messages.h"
-#include "common/run_meta.h"
 #include "common/status.h"
 #include "estimators/attack_mixture.h"
 #include "estimators/estimate_messages.h"
 #include "estimators/estimator_session.h"
 #include "estimators/smoothed_stream.h"
 #include "tools/experiment.h"
+#include "tools/log_meta.h"
 #include "tools/log_replay.h"
 
 namespace holdfast {
@@ -93,32 +92,35 @@ std::int64_t smooth_sets(const LogSmootherOptions& options, std::int64_t num_ste
 std::int64_t write_all(const LogSmootherOptions& options, std::vector<Smoothed>& all) {
   std::set<std::string> replaced;
   for (const Smoothed& one : all) replaced.insert(one.channel);
-  const std::string unfinished = options.out_file + ".part";
-  LogWriter writer(unfinished);
+  LogWriter writer(options.out_file, LogWriter::Appears::kWhenFinished);
   estimate_t out;
   std::int64_t num_written = 0;
-  const auto write_until = [&](std::int64_t step) {
+  // Stamped as the event before it: a live log's stamps are wall-clock time, those in the estimates
+  // are the plant's.
+  const auto write_until = [&](std::int64_t step, std::int64_t utime) {
     for (Smoothed& one : all) {
       for (; one.num_written < one.estimates.size(); ++one.num_written, ++num_written) {
         const Estimate& estimate = one.estimates[one.num_written];
         if (estimate.step > step) break;
         to_message(estimate, out);
-        writer.write_message(one.channel, estimate.utime, out);
+        writer.write_message(one.channel, utime, out);
       }
     }
   };
   LogReader reader(options.log_file);
   LogEvent event;
   measurement_set_t message;
+  std::int64_t last_utime = 0;
   while (reader.next(event)) {
     if (replaced.contains(event.channel)) continue;
     writer.write(event.channel, event.utime, event.data);
     if (event.channel == "MEASUREMENT" && decode_guarded(event.data, message)) {
-      write_until(message.step);
+      write_until(message.step, event.utime);
     }
+    last_utime = event.utime;
   }
-  write_until(INT64_MAX);
-  writer.finish_as(options.out_file);
+  write_until(INT64_MAX, last_utime);
+  writer.finish();
   return num_written;
 }
 
@@ -126,9 +128,7 @@ std::int64_t write_all(const LogSmootherOptions& options, std::vector<Smoothed>&
 
 std::int64_t smooth_log(const LogSmootherOptions& options) {
   check_new_log(options.log_file, options.out_file);
-  const RunMeta meta = read_run_meta(options.log_file);
-  const Experiment experiment =
-      experiment_from_text(meta.scenario, options.log_file + " (RUN_META)");
+  const auto [meta, experiment] = read_logged_experiment(options.log_file);
   warn_of_kernel("holdfast-smoother", experiment, meta);
   std::vector<Smoothed> all =
       make_smoothed(options, experiment, static_cast<std::uint32_t>(meta.run));
@@ -136,9 +136,8 @@ std::int64_t smooth_log(const LogSmootherOptions& options) {
     throw UsageError(options.log_file +
                      ": no estimator of its scenario has the key `smoother`; name one with --name");
   }
-  if (smooth_sets(options, experiment.num_steps, all) == 0) {
+  if (smooth_sets(options, experiment.num_steps, all) == 0)
     throw UsageError(options.log_file + ": holds no measurement set");
-  }
   return write_all(options, all);
 }
 

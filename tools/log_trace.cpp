@@ -48,9 +48,9 @@ class LogCollector {
     }
     for (const char* process : {"plant", "driver", "attacker"})
       known_channels_.insert(channel_name("STATUS_", process));
-    for (const auto& [name, is_campaign_only] : facts.estimators) {
+    for (const ListedEstimator& listed : facts.estimators) {
       for (const char* prefix : {"EST_", "TIMING_", "STATUS_", "SMOOTHED_"})
-        known_channels_.insert(channel_name(prefix, name));
+        known_channels_.insert(channel_name(prefix, listed.name));
     }
   }
 

@@ -63,7 +63,8 @@ Json estimator_json(const EstimatorReview& estimator) {
   Json json = {{"name", estimator.name},
                {"channel", estimator.channel},
                {"is_in_scenario", estimator.is_in_scenario},
-               {"is_campaign_only", estimator.is_campaign_only}};
+               {"is_campaign_only", estimator.is_campaign_only},
+               {"is_offline", estimator.is_offline}};
   json["rmse"] = Json::object();
   for (const GroupError& error : estimator.errors) {
     json["rmse"][error.name] = {{"value", optional_json(error.rmse)}, {"unit", error.unit}};

@@ -1,7 +1,7 @@
 #include <algorithm>
-#include <filesystem>
 #include <iostream>
 
+#include "common/log_file.h"
 #include "tools/campaign/campaign_review.h"
 #include "tools/campaign/sqlite_database.h"
 #include "tools/log_compare.h"
@@ -30,17 +30,6 @@ struct ReviewOptions {
   ReviewOutputs outputs;
   CompareOptions compare;
 };
-
-// A run's folder stands for its log.
-void find_logs(std::vector<std::string>& paths) {
-  for (std::string& path : paths) {
-    if (!std::filesystem::is_directory(path)) continue;
-    const std::filesystem::path log = std::filesystem::path(path) / "log.lcm";
-    if (!std::filesystem::exists(log))
-      throw UsageError(path + ": a folder without log.lcm; name a log, or a run's folder");
-    path = log.string();
-  }
-}
 
 int compare(const ReviewOptions& options) {
   const auto num_campaigns = std::ranges::count_if(options.compared, is_sqlite_file);
@@ -102,8 +91,8 @@ int main(int argc, char** argv) {
       ->capture_default_str()
       ->needs(compared);
   return holdfast::run_command_line(app, "holdfast-review", argc, argv, [&] {
-    holdfast::find_logs(options.logs);
-    holdfast::find_logs(options.compared);
+    for (std::string& path : options.logs) path = holdfast::log_of_run(path);
+    for (std::string& path : options.compared) path = holdfast::log_of_run(path);
     if (!options.compared.empty()) return holdfast::compare(options);
     return holdfast::review(options);
   });

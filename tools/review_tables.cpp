@@ -143,6 +143,7 @@ ReportTable error_table(const RunReview& review) {
     for (const auto& [name, count] : estimator.outcomes) not_ok += count;
     row.push_back(std::to_string(estimator.num_steps));
     row.push_back(estimator.is_campaign_only ? "campaign"
+                  : estimator.is_offline     ? "offline"
                                              : std::to_string(estimator.missing_steps));
     row.push_back(std::to_string(not_ok));
     row.push_back(optional_text(estimator.nees_mean));

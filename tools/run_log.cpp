@@ -139,7 +139,7 @@ class RunLog {
 }  // namespace
 
 void write_run_log(const Experiment& experiment, std::uint32_t run, const std::string& file) {
-  LogWriter writer(file + ".part");
+  LogWriter writer(file, LogWriter::Appears::kWhenFinished);
   run_meta_t meta = to_message(RunMeta{experiment.name, experiment.resolved, experiment.seed, run,
                                        experiment.kernel_text()});
   writer.write_message("RUN_META", 0, meta);
@@ -147,7 +147,7 @@ void write_run_log(const Experiment& experiment, std::uint32_t run, const std::s
   RunLog log(experiment, writer, simulation);
   while (simulation.advance()) log.write(simulation);
   log.finish();
-  writer.finish_as(file);
+  writer.finish();
 }
 
 }  // namespace holdfast

@@ -66,10 +66,10 @@ ScenarioFacts read_facts(const std::string& yaml) {
   for (const YAML::Node& node : items(root["estimators"])) {
     if (!node.IsMap() || facts.estimators.size() == kEntriesMax) continue;
     const auto name = value_or<std::string>(node["name"], "");
-    facts.estimators.emplace_back(name,
-                                  is_campaign_input(value_or<std::string>(node["input"], "")));
-    // Made when the run is over, hence never missed in a log.
-    if (node["smoother"]) facts.estimators.emplace_back(name + "_smoothed", true);
+    const bool is_campaign_only = is_campaign_input(value_or<std::string>(node["input"], ""));
+    facts.estimators.push_back({name, is_campaign_only, false});
+    if (node["smoother"])
+      facts.estimators.push_back({name + "_smoothed", is_campaign_only, !is_campaign_only});
   }
   const YAML::Node campaign = child(root, "campaign");
   if (campaign.IsMap()) {
@@ -128,10 +128,10 @@ ScenarioFacts read_scenario_facts(const std::string& yaml, const std::string& pl
 std::vector<std::string> campaign_only_channels(const std::string& scenario) {
   std::vector<std::string> channels;
   try {
-    for (const auto& [name, is_campaign_only] : read_facts(scenario).estimators) {
-      if (!is_campaign_only) continue;
-      channels.push_back(channel_name("EST_", name));
-      channels.push_back(channel_name("SMOOTHED_", name));
+    for (const ListedEstimator& listed : read_facts(scenario).estimators) {
+      if (!listed.is_campaign_only) continue;
+      channels.push_back(channel_name("EST_", listed.name));
+      channels.push_back(channel_name("SMOOTHED_", listed.name));
     }
   } catch (const YAML::Exception&) {
     return {};

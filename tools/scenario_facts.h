@@ -13,6 +13,13 @@ namespace holdfast {
 
 struct Experiment;
 
+/// An estimator, or the smoother of one, that a scenario names.
+struct ListedEstimator {
+  std::string name;
+  bool is_campaign_only = false;  // knows what only a simulation does
+  bool is_offline = false;        // looks back: not in a log before holdfast-smoother
+};
+
 /// What a review needs of a resolved scenario. Read leniently, since outsiders write logs too: what
 /// is missing or of another kind stays empty.
 struct ScenarioFacts {
@@ -24,7 +31,7 @@ struct ScenarioFacts {
   std::vector<std::string> state_names;
   /// A state whose index is no whole number from 0 stands as one that no plant has.
   std::vector<StateGroup> groups;
-  std::vector<std::pair<std::string, bool>> estimators;  // name, is campaign only
+  std::vector<ListedEstimator> estimators;
   std::vector<PlotPoint> sensors;
   std::string family;  // hash of the scenario but for its seed: runs that belong to one average
   std::shared_ptr<const Experiment> experiment;  // null when it is no whole scenario of ours

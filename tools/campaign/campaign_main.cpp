@@ -69,6 +69,8 @@ int run(const CampaignProgramOptions& options, ProcessGroup& group) {
   if (options.scenario.empty()) throw UsageError("no scenario given; see --help");
   if (!options.log.empty()) {
     write_run_log(options.load(), options.run, options.log);
+    std::cout << "run " << options.run << ": " << options.log << "   (holdfast-review "
+              << options.log << ")\n";
     return 0;
   }
   const CampaignPlan plan = options.plan();

@@ -1,5 +1,6 @@
 #include "common/log_file.h"
 
+#include <filesystem>
 #include <fstream>
 #include <holdfast/timing_t.hpp>
 #include <lcm/lcm-cpp.hpp>
@@ -155,6 +156,33 @@ TEST_CASE("an empty log holds nothing, and a missing one is wrong use") {
   CHECK_FALSE(result.tail_is_torn);
   CHECK_THROWS_AS(LogReader(folder.file("missing.lcm")), UsageError);
   CHECK_THROWS_AS(LogWriter(folder.file("no/such/folder.lcm")), JobError);
+}
+
+TEST_CASE("a log that is to appear when finished does so whole, or not at all") {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("new.lcm");
+  const auto write = [&](bool is_finished) {
+    LogWriter writer(file, LogWriter::Appears::kWhenFinished);
+    writer.write("CHANNEL", 0, std::vector<std::uint8_t>(10));
+    CHECK(std::filesystem::exists(file + ".part"));
+    if (is_finished) writer.finish();
+  };
+  for (const bool is_finished : {false, true}) {
+    write(is_finished);
+    CHECK(std::filesystem::exists(file) == is_finished);
+    CHECK_FALSE(std::filesystem::exists(file + ".part"));
+  }
+  const std::string nowhere = folder.file("no/such/folder.lcm");
+  CHECK_THROWS_WITH(LogWriter(nowhere, LogWriter::Appears::kWhenFinished),
+                    Catch::StartsWith(nowhere + ": cannot be written"));
+}
+
+TEST_CASE("a run's folder stands for its log") {
+  const TemporaryFolder folder;
+  CHECK(log_of_run(folder.file("run.lcm")) == folder.file("run.lcm"));
+  CHECK_THROWS_AS(log_of_run(folder.file(".")), UsageError);
+  put_contents(folder.file("log.lcm"), "");
+  CHECK(log_of_run(folder.file(".")) == folder.file("./log.lcm"));
 }
 
 TEST_CASE("a full disk is told when the log is flushed") {

@@ -35,7 +35,7 @@ void write_run(const std::string& file, Change change) {
 void no_change(std::int64_t, estimate_t&) {}
 
 TEST_CASE("equal estimates are equal, whatever seq, log time and other channels say") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_run(folder.file("a"), no_change);
   {
     LogWriter log(folder.file("b"));
@@ -61,7 +61,7 @@ TEST_CASE("equal estimates are equal, whatever seq, log time and other channels 
 }
 
 TEST_CASE("one bit in any field makes a difference with a name") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_run(folder.file("a"), no_change);
   const auto differs = [&](const std::string& field, auto change) {
     write_run(folder.file("b"), [&](std::int64_t k, estimate_t& estimate) {
@@ -98,7 +98,7 @@ TEST_CASE("one bit in any field makes a difference with a name") {
 }
 
 TEST_CASE("NaN equals the same NaN") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   const auto with_nan = [](std::int64_t, estimate_t& e) { e.mean[0] = std::nan(""); };
   write_run(folder.file("a"), with_nan);
   write_run(folder.file("b"), with_nan);
@@ -106,7 +106,7 @@ TEST_CASE("NaN equals the same NaN") {
 }
 
 TEST_CASE("a missing step, a missing channel and nothing at all are not equal") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_run(folder.file("a"), no_change);
   {
     LogWriter log(folder.file("shorter"));
@@ -133,7 +133,7 @@ TEST_CASE("a missing step, a missing channel and nothing at all are not equal") 
 }
 
 TEST_CASE("an estimator that only a campaign can have may be missing, no other may") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   for (const char* channel : {"EST_UNCORRUPTED", "EST_NEGLECT"}) {
     write_run(folder.file("live"), no_change);
     {
@@ -150,7 +150,7 @@ TEST_CASE("an estimator that only a campaign can have may be missing, no other m
 }
 
 TEST_CASE("steps that stand twice are told") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_run(folder.file("a"), no_change);
   {
     LogWriter log(folder.file("twice"));
@@ -166,7 +166,7 @@ TEST_CASE("steps that stand twice are told") {
 }
 
 TEST_CASE("other channels are compared on request, without receive stamps") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   const auto write_measurements = [&](const std::string& file, std::int64_t stamp, double value) {
     LogWriter log(folder.file(file));
     measurement_set_t set{};
@@ -198,7 +198,7 @@ TEST_CASE("other channels are compared on request, without receive stamps") {
 }
 
 TEST_CASE("hostile events are left out and told") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_run(folder.file("a"), no_change);
   {
     LogWriter log(folder.file("b"));

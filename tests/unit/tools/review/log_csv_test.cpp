@@ -47,7 +47,7 @@ std::string cell(const std::vector<std::vector<std::string>>& rows, std::size_t 
 }
 
 TEST_CASE("doubles come back from a CSV to the bit, integers in full") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   const std::vector<double> values = {0.1,
                                       -0.0,
                                       1.0 / 3.0,
@@ -83,7 +83,7 @@ TEST_CASE("doubles come back from a CSV to the bit, integers in full") {
 }
 
 TEST_CASE("an array has the columns of its largest, and shorter ones leave cells empty") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_estimate(log, "EST_A", 1, {1.0});
@@ -104,7 +104,7 @@ TEST_CASE("an array has the columns of its largest, and shorter ones leave cells
 }
 
 TEST_CASE("lists of structs have a row for each element, with their message's numbers") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_frames(log, "CAN_RX", {make_frame(0, 257, {1, 255}), make_frame(1, 258, {})});
@@ -145,7 +145,7 @@ TEST_CASE("lists of structs have a row for each element, with their message's nu
 }
 
 TEST_CASE("foreign channels and refused messages come as bytes") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     log.write("LCM_SELF_TEST", 5, {0x00, 0xab});
@@ -185,7 +185,7 @@ TEST_CASE("whatever a channel is called, its file stays in the folder") {
   const std::string long_a(999, '/'), long_b = long_a.substr(1) + "x";
   CHECK(file_name_of_channel(long_a).size() < 200);
   CHECK(file_name_of_channel(long_a) != file_name_of_channel(long_b));
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     log.write("../../x", 0, {1});
@@ -201,7 +201,7 @@ TEST_CASE("whatever a channel is called, its file stays in the folder") {
 }
 
 TEST_CASE("one long array among many short ones does not fill the disk") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   constexpr int kRows = 2000;
   const std::vector<double> huge(10000, 1.0);
   {

@@ -33,7 +33,7 @@ std::size_t event_start(const std::string& bytes, const std::string& channel, in
 }
 
 TEST_CASE("a damaged length swallows events, which are found again") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_run(log);
@@ -57,7 +57,7 @@ TEST_CASE("a damaged length swallows events, which are found again") {
 }
 
 TEST_CASE("one flipped bit anywhere costs at most the event it stands in") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_run(log);
@@ -85,7 +85,7 @@ TEST_CASE("one flipped bit anywhere costs at most the event it stands in") {
 }
 
 TEST_CASE("times that go back are counted and shown") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_meta(log);
@@ -116,7 +116,7 @@ TEST_CASE("times that go back are counted and shown") {
 }
 
 TEST_CASE("stamps a little out of order, as loggers leave them, are shown but no warning") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_run(log);
@@ -131,7 +131,7 @@ TEST_CASE("stamps a little out of order, as loggers leave them, are shown but no
 }
 
 TEST_CASE("a damaged RUN_META is told, and a whole one behind it counts") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("one"));
     write_run(log);
@@ -157,7 +157,7 @@ TEST_CASE("a damaged RUN_META is told, and a whole one behind it counts") {
 }
 
 TEST_CASE("invented channels and steps take no memory, and hide nobody") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   std::string scenario = kScenario;
   scenario.replace(scenario.find("steps: 4"), 8, "steps: 4000000000000");
   {

@@ -45,7 +45,7 @@ void write_clean_run(LogWriter& log) {
 }
 
 TEST_CASE("errors, NEES and times have their closed-form values") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_clean_run(log);
@@ -77,8 +77,31 @@ TEST_CASE("errors, NEES and times have their closed-form values") {
   CHECK(review.warnings.empty());
 }
 
+TEST_CASE(
+    "what only looking back can give is offline, and no missing step, until somebody looked") {
+  const TemporaryFolder folder;
+  std::string scenario = kScenario;
+  const std::string plain = "{name: secure}";
+  scenario.replace(scenario.find(plain), plain.size(), "{name: secure, smoother: {lag_steps: 0}}");
+  for (const bool has_looked : {false, true}) {
+    {
+      LogWriter log(folder.file("log"));
+      write_meta(log, scenario);
+      write_truth(log, 1, kTruth);
+      write_estimate(log, "EST_SECURE", 1, kTruth);
+      if (has_looked) write_estimate(log, "SMOOTHED_SECURE", 1, kTruth);
+    }
+    const RunReview review = review_log(folder.file("log"));
+    const EstimatorReview& smoothed = estimator(review, "secure_smoothed");
+    CHECK(smoothed.is_offline == !has_looked);
+    CHECK_FALSE(smoothed.is_campaign_only);
+    CHECK(smoothed.missing_steps == (has_looked ? 3 : 0));
+    CHECK((review_table(review).find("offline") != std::string::npos) == !has_looked);
+  }
+}
+
 TEST_CASE("latency counts from the newest reading, on either side of the attacker") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_meta(log);
@@ -128,7 +151,7 @@ TEST_CASE("latency counts from the newest reading, on either side of the attacke
 }
 
 TEST_CASE("missing, repeated, failed and non-finite steps are told apart") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_meta(log);
@@ -165,7 +188,7 @@ TEST_CASE("missing, repeated, failed and non-finite steps are told apart") {
 
 TEST_CASE(
     "losses of every kind are summed and warned of, and so is a process that did not finish") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_clean_run(log);
@@ -191,7 +214,7 @@ TEST_CASE(
 }
 
 TEST_CASE("hostile events are counted and change nothing") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   std::string clean_error;
   {
     LogWriter log(folder.file("log"));
@@ -225,7 +248,7 @@ TEST_CASE("hostile events are counted and change nothing") {
 }
 
 TEST_CASE("a damaged log and a torn one are read as far as they go") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_clean_run(log);
@@ -249,7 +272,7 @@ TEST_CASE("a damaged log and a torn one are read as far as they go") {
 }
 
 TEST_CASE("packets are labelled and posteriors are scored against the labels") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_clean_run(log);
@@ -294,7 +317,7 @@ TEST_CASE("packets are labelled and posteriors are scored against the labels") {
 }
 
 TEST_CASE("a log without RUN_META or with a broken scenario is refused in words") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("none"));
     write_truth(log, 1, kTruth);
@@ -313,7 +336,7 @@ TEST_CASE("a log without RUN_META or with a broken scenario is refused in words"
 }
 
 TEST_CASE("the report's files agree with the review") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_clean_run(log);

@@ -88,7 +88,7 @@ void write_full_run(LogWriter& log) {
 }
 
 TEST_CASE("figures hold what the log holds") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_full_run(log);
@@ -141,7 +141,7 @@ TEST_CASE("figures hold what the log holds") {
 }
 
 TEST_CASE("what the log does not hold has no figure") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_meta(log);
@@ -163,7 +163,7 @@ TEST_CASE("names are parts of file names only when they are tame") {
 }
 
 TEST_CASE("text from a log cannot become a part of the page's code") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   const std::string evil = "<script>alert(1)</script>";
   {
     LogWriter log(folder.file("log"));

@@ -1,9 +1,6 @@
 #pragma once
 
-#include <stdlib.h>
-
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 #include <holdfast/attack_frame_t.hpp>
 #include <holdfast/can_frames_t.hpp>
@@ -16,40 +13,20 @@
 #include <string>
 #include <vector>
 
-#include "common/errors.h"
 #include "common/log_file.h"
 #include "common/run_meta.h"
+#include "tests/support/temporary_folder.h"
 #include "tools/log_review.h"
 
 namespace holdfast::review_test {
+
+using testing::TemporaryFolder;
 
 inline bool has_warning(const RunReview& review, const std::string& part) {
   return std::ranges::any_of(review.warnings, [&](const std::string& warning) {
     return warning.find(part) != std::string::npos;
   });
 }
-
-/// A folder that goes away with the object.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string pattern =
-        (std::filesystem::temp_directory_path() / "holdfast-review-XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) throw JobError("no scratch folder");
-    path_ = pattern;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-
-  std::string file(const std::string& name) const { return path_ + "/" + name; }
-
- private:
-  std::string path_;
-};
 
 inline std::string read_file(const std::string& file) {
   std::ifstream stream(file, std::ios::binary);

@@ -54,7 +54,7 @@ void write_detector_run(LogWriter& log) {
 }
 
 TEST_CASE("attacked steps come from signals and rules, and detections are counted against them") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_detector_run(log);
@@ -81,7 +81,7 @@ TEST_CASE("attacked steps come from signals and rules, and detections are counte
 }
 
 TEST_CASE("a log that does not tell of attacks gives no detection rates") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_meta(log);
@@ -97,7 +97,7 @@ TEST_CASE("a log that does not tell of attacks gives no detection rates") {
 }
 
 TEST_CASE("matrices and outcomes that fit nothing are left out of the scores") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   {
     LogWriter log(folder.file("log"));
     write_meta(log);
@@ -138,7 +138,7 @@ void write_offset_run(const std::string& file, std::int64_t run, double secure, 
 }
 
 TEST_CASE("logs of one scenario are averaged whatever their seeds, others are not") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_offset_run(folder.file("a"), 1, 3.0, 6.0);
   write_offset_run(folder.file("b"), 2, 4.0, 8.0);
   {
@@ -175,7 +175,7 @@ TEST_CASE("logs of one scenario are averaged whatever their seeds, others are no
 }
 
 TEST_CASE("the same run twice, and an estimator that is missing, are told") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_offset_run(folder.file("a"), 1, 3.0, 6.0);
   write_offset_run(folder.file("b"), 1, 3.0, 6.0);
   {

@@ -16,7 +16,7 @@ struct Outcome {
   std::string output, errors;
 };
 
-Outcome run_review(const ScratchFolder& folder, const std::string& arguments) {
+Outcome run_review(const TemporaryFolder& folder, const std::string& arguments) {
   const std::string command = "'" + std::string(HOLDFAST_BINARY_DIR) + "/bin/holdfast-review' " +
                               arguments + " >" + folder.file("stdout") + " 2>" +
                               folder.file("stderr");
@@ -36,7 +36,7 @@ void write_short_run(const std::string& file, double x) {
 }
 
 TEST_CASE("holdfast-review: exit status and output") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   const std::string a = folder.file("a"), b = folder.file("b");
   write_short_run(a, 3.0);
   write_short_run(b, 3.5);
@@ -69,7 +69,7 @@ TEST_CASE("holdfast-review: exit status and output") {
 }
 
 TEST_CASE("holdfast-review: tables, pages and figures go where they are asked to") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   const std::string a = folder.file("a"), b = folder.file("b");
   write_short_run(a, 3.0);
   write_short_run(b, 3.5);
@@ -92,7 +92,7 @@ TEST_CASE("holdfast-review: tables, pages and figures go where they are asked to
 }
 
 TEST_CASE("holdfast-review: a run's report does without what draws pages") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_short_run(folder.file("a"), 3.0);
   // Without a path there is no gnuplot; a build with the plotting library needs none.
   const std::string command = "PATH=/none '" + std::string(HOLDFAST_BINARY_DIR) +
@@ -105,7 +105,7 @@ TEST_CASE("holdfast-review: a run's report does without what draws pages") {
 }
 
 TEST_CASE("holdfast-review: wrong use is status 2 and says what to do") {
-  const ScratchFolder folder;
+  const TemporaryFolder folder;
   write_short_run(folder.file("a"), 1.0);
   {
     LogWriter log(folder.file("none"));

@@ -1,5 +1,6 @@
 #include "tools/log_smoother.h"
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -98,6 +99,38 @@ TEST_CASE("a smoothed log holds all that was there, and each estimate behind its
   CHECK(events_of(again.out_file).size() == events_of(logs.smoothed).size());
 }
 
+TEST_CASE("smoothed estimates are stamped as the measurements beside them, whatever the clock") {
+  // A live log: stamps of the wall clock, far from the plant's time within the messages.
+  const Logs logs;
+  constexpr std::int64_t kLater_us = 1'000'000'000'000'000;
+  const std::string live = logs.folder.file("live.lcm");
+  {
+    LogWriter writer(live);
+    for (const LogEvent& event : events_of(logs.run)) {
+      if (!event.channel.starts_with("SMOOTHED_"))
+        writer.write(event.channel, kLater_us + event.utime, event.data);
+    }
+  }
+  for (const std::int64_t lag_steps : {0, 7}) {
+    LogSmootherOptions options = logs.options();
+    options.log_file = live;
+    options.lag_steps = lag_steps;
+    CHECK(smooth_log(options) == 6 * 30);
+    std::int64_t last_utime = 0, measured_utime = 0;
+    int num_smoothed = 0;
+    for (const LogEvent& event : events_of(logs.smoothed)) {
+      CHECK(event.utime >= last_utime);
+      last_utime = event.utime;
+      if (event.channel == "MEASUREMENT") measured_utime = event.utime;
+      if (!event.channel.starts_with("SMOOTHED_")) continue;
+      CHECK(event.utime == measured_utime);
+      ++num_smoothed;
+    }
+    CHECK(measured_utime > kLater_us);
+    CHECK(num_smoothed == 6 * 30);
+  }
+}
+
 TEST_CASE("what cannot be smoothed is refused, and leaves no file") {
   const Logs logs;
   LogSmootherOptions options = logs.options();
@@ -117,6 +150,36 @@ TEST_CASE("what cannot be smoothed is refused, and leaves no file") {
   CHECK(smooth_log(options) == 5);
   CHECK(!std::filesystem::exists(logs.smoothed));
   CHECK(!std::filesystem::exists(logs.smoothed + ".part"));
+  options = logs.options();
+  options.log_file = scenario("turning_target");
+  CHECK(problem_of(options).find("no LCM log") != std::string::npos);
+}
+
+TEST_CASE("a damaged RUN_META is passed over, and is not smoothed by where it is the only one") {
+  const Logs logs("turning_target", {"steps=10"});
+  std::vector<LogEvent> events = events_of(logs.run);
+  REQUIRE(events.front().channel == "RUN_META");
+  std::vector<std::uint8_t>& text = events.front().data;
+  const std::string number = "steps: 10";
+  const auto steps = std::search(text.begin(), text.end(), number.begin(), number.end());
+  REQUIRE(steps != text.end());
+  const LogEvent whole = events.front();
+  *(steps + 7) = '9';
+  const std::string damaged = logs.folder.file("damaged.lcm");
+  for (const bool is_repeated : {false, true}) {
+    {
+      LogWriter writer(damaged);
+      for (const LogEvent& event : events) writer.write(event.channel, event.utime, event.data);
+      if (is_repeated) writer.write(whole.channel, whole.utime, whole.data);
+    }
+    LogSmootherOptions options = logs.options();
+    options.log_file = damaged;
+    if (is_repeated) {
+      CHECK(smooth_log(options) == 6 * 10);
+    } else {
+      CHECK(problem_of(options).find("RUN_META is damaged") != std::string::npos);
+    }
+  }
 }
 
 TEST_CASE("a torn and a damaged log are smoothed as far as they go") {
@@ -145,6 +208,8 @@ TEST_CASE("a fit of a log climbs and says what it found as a scenario would") {
   options.on_round = [&rounds](const LogFitRound& round) { rounds.push_back(round); };
   const LogFitRound last = fit_log(options);
   REQUIRE(rounds.size() == 6);
+  CHECK(!last.is_converged);
+  CHECK(last.change >= options.tolerance);
   for (std::size_t i = 1; i < rounds.size(); ++i) {
     CHECK(rounds[i].log_likelihood > rounds[i - 1].log_likelihood - 1e-3);
   }
@@ -161,6 +226,13 @@ TEST_CASE("a fit of a log climbs and says what it found as a scenario would") {
   const AttackStatistics back = read.periods.front().statistics(2);
   CHECK(back.attack_probability == Approx(last.statistics.attack_probability).epsilon(1e-5));
   CHECK(back.bias_covariance(0, 1) == Approx(last.statistics.bias_covariance(0, 1)).margin(1e-4));
+  // It has converged where a further round changes less than it is told to care for.
+  options.tolerance = 1.01 * last.change;
+  options.rounds_max = 100;
+  const LogFitRound converged = fit_log(options);
+  CHECK(converged.is_converged);
+  CHECK(converged.change < options.tolerance);
+  CHECK(converged.round <= last.round);
   options.name = "gslr";
   CHECK_THROWS_AS(fit_log(options), UsageError);
 }
