@@ -97,7 +97,8 @@ template <int N, int L>
 
 /// Linear minimum-variance update of `prior` by y: gain K = c Pxh S^-1, mean m + K (y - E[y]).
 /// Covariance in Joseph form, (I - K c J) P (I - K c J)' + K Omega K', where a Jacobian is known,
-/// and P J' = Pxh then; else P - K S K'.
+/// and P J' = Pxh then; else P - K S K'. The former is formed as W + (K Omega - W c J') K' with
+/// W = (I - K c J) P, so that what rounding leaves in W is multiplied by I - K c J, too.
 template <int N, int L>
 class GaussianUpdate {
  public:
@@ -120,22 +121,20 @@ class GaussianUpdate {
   /// Of what was weighed last, with a definite S. `posterior` may be `prior`.
   [[gnu::flatten]] void apply(const Belief<N>& prior, const Observation<N, L>& observation,
                               const ReadingBelief<L>& reading, Belief<N>& posterior) {
-    gain_ = reading.c * observation.Pxh;
-    factor_.forward_right(gain_);
-    if (!observation.has_jacobian) half_gain_ = gain_;
-    factor_.scale_right(gain_);
+    cross_ = reading.c * observation.Pxh;
+    gain_ = cross_;
     if (observation.has_jacobian) {
-      factor_.backward_right(gain_);
+      slope_ = reading.c * observation.J;
+      factor_.solve_right(gain_);
       add_product(prior.mean, gain_, innovation_, posterior.mean);
-      if (identity_.rows() != prior.mean.size()) {
-        identity_.setIdentity(prior.mean.size(), prior.mean.size());
-      }
-      scaled_gain_ = -reading.c * gain_;
-      add_product(identity_, scaled_gain_, observation.J, keep_);
-      add_transposed_product(prior.covariance, observation.Pxh, scaled_gain_, kept_);
-      multiply(gain_, reading.Omega, noise_gain_);
-      multiply_symmetric(keep_, kept_, noise_gain_, gain_, posterior.covariance);
+      subtract_transposed_product(prior.covariance, gain_, cross_, kept_);
+      multiply(gain_, reading.Omega, scaled_gain_);
+      subtract_transposed_product(scaled_gain_, kept_, slope_, scaled_gain_);
+      add_transposed_symmetric(kept_, scaled_gain_, gain_, posterior.covariance);
     } else {
+      factor_.forward_right(gain_);
+      half_gain_ = gain_;
+      factor_.scale_right(gain_);
       add_product(prior.mean, gain_, forwarded_, posterior.mean);
       scaled_gain_ = -gain_;
       add_transposed_symmetric(prior.covariance, scaled_gain_, half_gain_, posterior.covariance);
@@ -153,21 +152,11 @@ class GaussianUpdate {
  private:
   static constexpr double kLogTwoPi = 1.8378770664093454835606594728112;
 
-  // [0 x 0] where the size is not compiled.
-  static Small<N, N> identity_where_known() {
-    if constexpr (N == Eigen::Dynamic) {
-      return {};
-    } else {
-      return Small<N, N>::Identity();
-    }
-  }
-
   [[gnu::flatten]] UpdateResult weigh(const Small<L, L>& S, int num_missing) {
     UpdateResult result;
-    if (!factor_.factorise(S)) return result;
-    result.is_definite = true;
     forwarded_ = innovation_;
-    factor_.forward(forwarded_);
+    if (!factor_.factorise(S, forwarded_)) return result;
+    result.is_definite = true;
     // By scalars as they were written just now: vectors of them would wait for the memory.
     for (Eigen::Index i = 0; i < forwarded_.size(); ++i) {
       result.squared_distance += forwarded_[i] * forwarded_[i] * factor_.reciprocals()[i];
@@ -182,9 +171,9 @@ class GaussianUpdate {
   double log_density_factor_ = 0.0, num_rows_ = 0.0;
   Small<L> innovation_, forwarded_;  // nu, L^-1 nu
   Small<L, L> masked_;
-  Small<N, L> gain_, half_gain_, scaled_gain_, noise_gain_;
-  Small<N, N> identity_ = identity_where_known();
-  Small<N, N> keep_, kept_;
+  Small<N, L> cross_, gain_, half_gain_, scaled_gain_;
+  Small<L, N> slope_;
+  Small<N, N> kept_;
 };
 
 }  // namespace holdfast

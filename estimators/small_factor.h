@@ -14,20 +14,12 @@ class SmallFactor {
  public:
   /// Reads the lower triangle; false when S is not positive definite or not finite.
   bool factorise(const Small<Size, Size>& S) {
-    const Eigen::Index size = S.rows();
-    L_ = S;
-    reciprocals_.resize(size);
-    for (Eigen::Index j = 0; j < size; ++j) {
-      const double pivot = L_(j, j);
-      if (!(pivot > 0.0 && pivot < kInfinity)) return false;
-      const double reciprocal = 1.0 / pivot;
-      reciprocals_[j] = reciprocal;
-      for (Eigen::Index k = j + 1; k < size; ++k) {
-        subtract_below(first_row(k), L_(k, j) * reciprocal, j, k);
-      }
-      scale_below(first_row(j + 1), reciprocal, j);
-    }
-    return true;
+    return factorise(S, [](Eigen::Index /*j*/, Eigen::Index /*k*/, double /*factor*/) {});
+  }
+  /// And v = L^-1 v, in the time that divisions leave.
+  bool factorise(const Small<Size, Size>& S, Small<Size>& v) {
+    return factorise(
+        S, [&v](Eigen::Index j, Eigen::Index k, double factor) { v[k] -= factor * v[j]; });
   }
 
   /// v = L^-1 v.
@@ -68,9 +60,14 @@ class SmallFactor {
   /// M = M S^-1.
   template <int Rows>
   void solve_right(Small<Rows, Size>& M) const {
-    forward_right(M);
-    scale_right(M);
-    backward_right(M);
+    if constexpr (small_product_detail::kIsOneStrip<Rows, Size>) {
+      small_product_detail::solve_strip<Rows, Size>([this](int i, int j) { return L_(i, j); },
+                                                    reciprocals_.data(), M.data());
+    } else {
+      forward_right(M);
+      scale_right(M);
+      backward_right(M);
+    }
   }
   /// inverse = S^-1, for what is stored as a precision.
   void invert(Small<Size, Size>& inverse) const {
@@ -99,6 +96,26 @@ class SmallFactor {
  private:
   static constexpr double kInfinity = std::numeric_limits<double>::infinity();
   static constexpr bool kHasFours = Size > 0 && Size % 4 == 0;
+
+  template <class OnFactor>
+  bool factorise(const Small<Size, Size>& S, const OnFactor& on_factor) {
+    const Eigen::Index size = S.rows();
+    L_ = S;
+    reciprocals_.resize(size);
+    for (Eigen::Index j = 0; j < size; ++j) {
+      const double pivot = L_(j, j);
+      if (!(pivot > 0.0 && pivot < kInfinity)) return false;
+      const double reciprocal = 1.0 / pivot;
+      reciprocals_[j] = reciprocal;
+      for (Eigen::Index k = j + 1; k < size; ++k) {
+        const double factor = L_(k, j) * reciprocal;
+        subtract_below(first_row(k), factor, j, k);
+        on_factor(j, k, factor);
+      }
+      scale_below(first_row(j + 1), reciprocal, j);
+    }
+    return true;
+  }
 
   // Columns are worked on from a row or, where rows come in fours, from the four with it: what that
   // does above the diagonal is never read.

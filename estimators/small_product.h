@@ -67,31 +67,36 @@ template <int Rows, int Size, int kColumns, int kVectors, Action kAction, class 
   }
 }
 
-// sums(i, j) (+)= sum over k < Inner of A(i, k) B(k, first_column + j). Few sums are taken by two
-// chains, which wait less for each other; KalmanLanes repeats their order.
-template <int Rows, int Size, int kColumns, int kVectors, int Inner, bool kContinues, class Factor>
+// sums(i, j) =, += or -= the sum over k < Inner of A(i, k) B(k, first_column + j). Few sums are
+// taken by two chains, which wait less for each other; KalmanLanes repeats their order.
+template <int Rows, int Size, int kColumns, int kVectors, int Inner, Action kAction, class Factor>
 [[gnu::always_inline]] inline void add_products(const double* A, const Factor& B, int first_column,
                                                 Sums<Size, kColumns, kVectors>& sums) {
+  constexpr Action kNext = kAction == Action::kSet ? Action::kAdd : kAction;
   if constexpr (Inner % 2 == 0 && kColumns * kVectors <= 4) {
     Sums<Size, kColumns, kVectors> others;
-    add_outer<Rows, Size, kColumns, kVectors, kContinues ? Action::kAdd : Action::kSet>(
-        A, B, 0, first_column, sums);
+    add_outer<Rows, Size, kColumns, kVectors, kAction>(A, B, 0, first_column, sums);
     add_outer<Rows, Size, kColumns, kVectors, Action::kSet>(A, B, 1, first_column, others);
 #pragma GCC unroll 2
     for (int k = 2; k < Inner; k += 2) {
-      add_outer<Rows, Size, kColumns, kVectors, Action::kAdd>(A, B, k, first_column, sums);
+      add_outer<Rows, Size, kColumns, kVectors, kNext>(A, B, k, first_column, sums);
       add_outer<Rows, Size, kColumns, kVectors, Action::kAdd>(A, B, k + 1, first_column, others);
     }
 #pragma GCC unroll 16
     for (int j = 0; j < kColumns; ++j) {
 #pragma GCC unroll 16
-      for (int v = 0; v < kVectors; ++v) sums[j][v] += others[j][v];
+      for (int v = 0; v < kVectors; ++v) {
+        if constexpr (kAction == Action::kSubtract) {
+          sums[j][v] -= others[j][v];
+        } else {
+          sums[j][v] += others[j][v];
+        }
+      }
     }
   } else {
-    add_outer<Rows, Size, kColumns, kVectors, kContinues ? Action::kAdd : Action::kSet>(
-        A, B, 0, first_column, sums);
+    add_outer<Rows, Size, kColumns, kVectors, kAction>(A, B, 0, first_column, sums);
     for (int k = 1; k < Inner; ++k) {
-      add_outer<Rows, Size, kColumns, kVectors, Action::kAdd>(A, B, k, first_column, sums);
+      add_outer<Rows, Size, kColumns, kVectors, kNext>(A, B, k, first_column, sums);
     }
   }
 }
@@ -129,14 +134,15 @@ template <int Rows, int Size, int kColumns, int kVectors>
   }
 }
 
-template <int Rows, int Columns, int Inner, bool kHasBase, class Factor>
+template <int Rows, int Columns, int Inner, Action kAction, class Factor>
 void multiply(const double* base, const double* A, const Factor& B, double* out) {
   constexpr int kSize = Rows == 2 ? 2 : 4, kVectors = Rows / kSize;
   constexpr int kStrip = strip_of(Columns, kVectors);
   for (int column = 0; column < Columns; column += kStrip) {
     Sums<kSize, kStrip, kVectors> sums;
-    if constexpr (kHasBase) load_sums<Rows, kSize, kStrip, kVectors>(base, column, sums);
-    add_products<Rows, kSize, kStrip, kVectors, Inner, kHasBase>(A, B, column, sums);
+    if constexpr (kAction != Action::kSet)
+      load_sums<Rows, kSize, kStrip, kVectors>(base, column, sums);
+    add_products<Rows, kSize, kStrip, kVectors, Inner, kAction>(A, B, column, sums);
     store_sums<Rows, kSize, kStrip, kVectors>(sums, column, out);
   }
 }
@@ -172,26 +178,15 @@ template <int Rows, int kRow, int kColumn>
   }
 }
 
-// One product A B of a sum of products.
-template <int Rows, int InnerSize, class Factor>
-struct Term {
-  static constexpr int kInner = InnerSize;
-  const Small<Rows, InnerSize>& A;
-  Factor B;
-};
-
-// out = base + the sum of the terms: the block (kRow, kColumn), the one below it, and so on until
-// the diagonal; then those of the next columns. Two blocks at once, if there are two.
-template <int Rows, int kRow, int kColumn, bool kHasBase, class First, class... Others>
-void sum_blocks(const double* base, double* out, const First& first, const Others&... others) {
+// out = A B or base + A B: the block (kRow, kColumn), the one below it, and so on until the
+// diagonal; then those of the next columns. Two blocks at once, if there are two.
+template <int Rows, int kRow, int kColumn, int Inner, Action kAction, class Factor>
+void multiply_blocks(const double* base, const double* A, const Factor& B, double* out) {
   constexpr int kBlocks = kRow < kColumn ? 2 : 1, kStart = 4 * kRow;
   Sums<4, 4, kBlocks> sums;
-  if constexpr (kHasBase) load_sums<Rows, 4, 4, kBlocks>(base + kStart, 4 * kColumn, sums);
-  add_products<Rows, 4, 4, kBlocks, First::kInner, kHasBase>(first.A.data() + kStart, first.B,
-                                                             4 * kColumn, sums);
-  (add_products<Rows, 4, 4, kBlocks, Others::kInner, true>(others.A.data() + kStart, others.B,
-                                                           4 * kColumn, sums),
-   ...);
+  if constexpr (kAction != Action::kSet)
+    load_sums<Rows, 4, 4, kBlocks>(base + kStart, 4 * kColumn, sums);
+  add_products<Rows, 4, 4, kBlocks, Inner, kAction>(A + kStart, B, 4 * kColumn, sums);
   Four block[4] = {sums[0][0], sums[1][0], sums[2][0], sums[3][0]};
   store_symmetric<Rows, kRow, kColumn>(block, out);
   if constexpr (kBlocks == 2) {
@@ -199,29 +194,44 @@ void sum_blocks(const double* base, double* out, const First& first, const Other
     store_symmetric<Rows, kRow + 1, kColumn>(below, out);
   }
   if constexpr (kRow + kBlocks <= kColumn) {
-    sum_blocks<Rows, kRow + kBlocks, kColumn, kHasBase>(base, out, first, others...);
+    multiply_blocks<Rows, kRow + kBlocks, kColumn, Inner, kAction>(base, A, B, out);
   } else if constexpr (4 * (kColumn + 1) < Rows) {
-    sum_blocks<Rows, 0, kColumn + 1, kHasBase>(base, out, first, others...);
+    multiply_blocks<Rows, 0, kColumn + 1, Inner, kAction>(base, A, B, out);
   }
 }
 
-template <int Rows, bool kHasBase, class First, class... Others>
-void sum_symmetric(const double* base, double* out, const First& first, const Others&... others) {
+template <int Rows, int Inner, Action kAction, class Factor>
+void multiply_symmetric(const double* base, const double* A, const Factor& B, double* out) {
   if constexpr (Rows == 2) {
     Sums<2, 2, 1> sums;
-    if constexpr (kHasBase) load_sums<2, 2, 2, 1>(base, 0, sums);
-    add_products<2, 2, 2, 1, First::kInner, kHasBase>(first.A.data(), first.B, 0, sums);
-    (add_products<2, 2, 2, 1, Others::kInner, true>(others.A.data(), others.B, 0, sums), ...);
+    if constexpr (kAction != Action::kSet) load_sums<2, 2, 2, 1>(base, 0, sums);
+    add_products<2, 2, 2, 1, Inner, kAction>(A, B, 0, sums);
     Lanes<2>::store(__builtin_shufflevector(sums[0][0], sums[1][0], 0, 2), out);
     Lanes<2>::store(sums[1][0], out + 2);
   } else {
-    sum_blocks<Rows, 0, 0, kHasBase>(base, out, first, others...);
+    multiply_blocks<Rows, 0, 0, Inner, kAction>(base, A, B, out);
   }
 }
 
-// M L'^-1 (forwards) or M L^-1, in place, for a unit lower triangular L, of which Factor gives L(j,
-// k) for (k, j) forwards and L(k, j) backwards: a few columns at once, in registers, first what
-// other columns take from them and then what they take from each other.
+// What columns of a strip take from each other when it is solved for a unit lower triangular L, of
+// which Factor gives L(j, k) for (k, j) forwards and L(k, j) backwards.
+template <int Size, int kStrip, int kVectors, bool kIsForward, class Factor>
+[[gnu::always_inline]] inline void solve_within(const Factor& L, int column,
+                                                Sums<Size, kStrip, kVectors>& sums) {
+#pragma GCC unroll 4
+  for (int i = 1; i < kStrip; ++i) {
+    const int j = kIsForward ? i : kStrip - 1 - i;
+#pragma GCC unroll 4
+    for (int n = 0; n < i; ++n) {
+      const int k = kIsForward ? n : kStrip - 1 - n;
+#pragma GCC unroll 16
+      for (int v = 0; v < kVectors; ++v) sums[j][v] -= sums[k][v] * L(column + k, column + j);
+    }
+  }
+}
+
+// M L'^-1 (forwards) or M L^-1, in place: a few columns at once, in registers, first what other
+// columns take from them and then what they take from each other.
 template <int Rows, int Columns, bool kIsForward, class Factor>
 void solve_right(const Factor& L, double* M) {
   constexpr int kSize = Rows == 2 ? 2 : 4, kVectors = Rows / kSize;
@@ -234,18 +244,31 @@ void solve_right(const Factor& L, double* M) {
     for (int k = first; k < last; ++k) {
       add_outer<Rows, kSize, kStrip, kVectors, Action::kSubtract>(M, L, k, column, sums);
     }
-#pragma GCC unroll 4
-    for (int i = 1; i < kStrip; ++i) {
-      const int j = kIsForward ? i : kStrip - 1 - i;
-#pragma GCC unroll 4
-      for (int n = 0; n < i; ++n) {
-        const int k = kIsForward ? n : kStrip - 1 - n;
-#pragma GCC unroll 16
-        for (int v = 0; v < kVectors; ++v) sums[j][v] -= sums[k][v] * L(column + k, column + j);
-      }
-    }
+    solve_within<kSize, kStrip, kVectors, kIsForward>(L, column, sums);
     store_sums<Rows, kSize, kStrip, kVectors>(sums, column, M);
   }
+}
+
+// All columns are one strip, so that they need not go to memory between forwards and backwards.
+template <int Rows, int Columns>
+inline constexpr bool kIsOneStrip = is_blocked(Rows) && Columns > 0 && Columns <= 4 &&
+                                    strip_of(Columns, Rows == 2 ? 1 : Rows / 4) == Columns;
+
+// M (L D L')^-1, in place, of one strip: lower(i, j) gives L(i, j), `reciprocals` the diagonal of
+// D^-1.
+template <int Rows, int Columns, class Lower>
+void solve_strip(const Lower& lower, const double* reciprocals, double* M) {
+  constexpr int kSize = Rows == 2 ? 2 : 4, kVectors = Rows / kSize;
+  Sums<kSize, Columns, kVectors> sums;
+  load_sums<Rows, kSize, Columns, kVectors>(M, 0, sums);
+  solve_within<kSize, Columns, kVectors, true>([&](int k, int j) { return lower(j, k); }, 0, sums);
+#pragma GCC unroll 4
+  for (int j = 0; j < Columns; ++j) {
+#pragma GCC unroll 16
+    for (int v = 0; v < kVectors; ++v) sums[j][v] *= reciprocals[j];
+  }
+  solve_within<kSize, Columns, kVectors, false>(lower, 0, sums);
+  store_sums<Rows, kSize, Columns, kVectors>(sums, 0, M);
 }
 
 // Rows and columns known, so that the product is summed in registers.
@@ -257,30 +280,31 @@ using Plain = Right<Small<Rows, Columns>, false>;
 template <int Rows, int Columns>
 using Transposed = Right<Small<Rows, Columns>, true>;
 
-// out = base + A B, or A B without a base.
-template <bool kHasBase, int Rows, int Inner, int Columns, class Factor>
+// out = A B, base + A B, or base - A B.
+template <Action kAction, int Rows, int Inner, int Columns, class Factor>
 void product(const Small<Rows, Columns>* base, const Small<Rows, Inner>& A, const Factor& B,
              Small<Rows, Columns>& out) {
   if constexpr (kIsBlocked<Rows, Inner, Columns>) {
-    multiply<Rows, Columns, Inner, kHasBase>(kHasBase ? base->data() : nullptr, A.data(), B,
-                                             out.data());
-  } else if constexpr (kHasBase) {
-    out = *base;
-    out += A.lazyProduct(B.expression());
-  } else {
+    multiply<Rows, Columns, Inner, kAction>(kAction == Action::kSet ? nullptr : base->data(),
+                                            A.data(), B, out.data());
+  } else if constexpr (kAction == Action::kSet) {
     out = A.lazyProduct(B.expression());
+  } else {
+    out = *base;
+    if constexpr (kAction == Action::kAdd) out += A.lazyProduct(B.expression());
+    if constexpr (kAction == Action::kSubtract) out -= A.lazyProduct(B.expression());
   }
 }
 
-// out = base + the sum of the terms, or that sum without a base, where it is symmetric.
-template <bool kHasBase, int Rows, class First, class... Others>
-void symmetric_sum(const Small<Rows, Rows>* base, Small<Rows, Rows>& out, const First& first,
-                   const Others&... others) {
-  if constexpr (is_blocked(Rows) && First::kInner > 0 && (true && ... && (Others::kInner > 0))) {
-    sum_symmetric<Rows, kHasBase>(kHasBase ? base->data() : nullptr, out.data(), first, others...);
+// The same where that is symmetric.
+template <Action kAction, int Rows, int Inner, class Factor>
+void symmetric_product(const Small<Rows, Rows>* base, const Small<Rows, Inner>& A, const Factor& B,
+                       Small<Rows, Rows>& out) {
+  if constexpr (kIsBlocked<Rows, Inner, Rows>) {
+    multiply_symmetric<Rows, Inner, kAction>(kAction == Action::kSet ? nullptr : base->data(),
+                                             A.data(), B, out.data());
   } else {
-    product<kHasBase>(base, first.A, first.B, out);
-    (product<true>(&out, others.A, others.B, out), ...);
+    product<kAction>(base, A, B, out);
     symmetrise_small(out);
   }
 }
@@ -293,7 +317,8 @@ template <int Rows, int Inner, int Columns>
 void multiply(const Small<Rows, Inner>& A, const Small<Inner, Columns>& B,
               Small<Rows, Columns>& out) {
   namespace detail = small_product_detail;
-  detail::product<false, Rows, Inner, Columns>(nullptr, A, detail::Plain<Inner, Columns>{B}, out);
+  detail::product<detail::Action::kSet, Rows, Inner, Columns>(
+      nullptr, A, detail::Plain<Inner, Columns>{B}, out);
 }
 
 /// out = A B'.
@@ -301,8 +326,8 @@ template <int Rows, int Inner, int Columns>
 void multiply_transposed(const Small<Rows, Inner>& A, const Small<Columns, Inner>& B,
                          Small<Rows, Columns>& out) {
   namespace detail = small_product_detail;
-  detail::product<false, Rows, Inner, Columns>(nullptr, A, detail::Transposed<Columns, Inner>{B},
-                                               out);
+  detail::product<detail::Action::kSet, Rows, Inner, Columns>(
+      nullptr, A, detail::Transposed<Columns, Inner>{B}, out);
 }
 
 /// out = base + A B; `base` may be `out`.
@@ -310,15 +335,17 @@ template <int Rows, int Inner, int Columns>
 void add_product(const Small<Rows, Columns>& base, const Small<Rows, Inner>& A,
                  const Small<Inner, Columns>& B, Small<Rows, Columns>& out) {
   namespace detail = small_product_detail;
-  detail::product<true, Rows, Inner, Columns>(&base, A, detail::Plain<Inner, Columns>{B}, out);
+  detail::product<detail::Action::kAdd, Rows, Inner, Columns>(
+      &base, A, detail::Plain<Inner, Columns>{B}, out);
 }
 
-/// out = base + A B'; `base` may be `out`.
+/// out = base - A B'; `base` may be `out`.
 template <int Rows, int Inner, int Columns>
-void add_transposed_product(const Small<Rows, Columns>& base, const Small<Rows, Inner>& A,
-                            const Small<Columns, Inner>& B, Small<Rows, Columns>& out) {
+void subtract_transposed_product(const Small<Rows, Columns>& base, const Small<Rows, Inner>& A,
+                                 const Small<Columns, Inner>& B, Small<Rows, Columns>& out) {
   namespace detail = small_product_detail;
-  detail::product<true, Rows, Inner, Columns>(&base, A, detail::Transposed<Columns, Inner>{B}, out);
+  detail::product<detail::Action::kSubtract, Rows, Inner, Columns>(
+      &base, A, detail::Transposed<Columns, Inner>{B}, out);
 }
 
 /// out = A B where that is symmetric: its upper triangle stands for both, here as below.
@@ -326,8 +353,8 @@ template <int Rows, int Inner>
 void multiply_symmetric(const Small<Rows, Inner>& A, const Small<Inner, Rows>& B,
                         Small<Rows, Rows>& out) {
   namespace detail = small_product_detail;
-  using Plain = detail::Plain<Inner, Rows>;
-  detail::symmetric_sum<false, Rows>(nullptr, out, detail::Term<Rows, Inner, Plain>{A, {B}});
+  detail::symmetric_product<detail::Action::kSet, Rows, Inner>(nullptr, A,
+                                                               detail::Plain<Inner, Rows>{B}, out);
 }
 
 /// out = base + A B where that is symmetric; `base` may be `out`.
@@ -335,8 +362,8 @@ template <int Rows, int Inner>
 void add_symmetric(const Small<Rows, Rows>& base, const Small<Rows, Inner>& A,
                    const Small<Inner, Rows>& B, Small<Rows, Rows>& out) {
   namespace detail = small_product_detail;
-  using Plain = detail::Plain<Inner, Rows>;
-  detail::symmetric_sum<true, Rows>(&base, out, detail::Term<Rows, Inner, Plain>{A, {B}});
+  detail::symmetric_product<detail::Action::kAdd, Rows, Inner>(&base, A,
+                                                               detail::Plain<Inner, Rows>{B}, out);
 }
 
 /// out = base + A B' where that is symmetric; `base` may be `out`.
@@ -344,20 +371,8 @@ template <int Rows, int Inner>
 void add_transposed_symmetric(const Small<Rows, Rows>& base, const Small<Rows, Inner>& A,
                               const Small<Rows, Inner>& B, Small<Rows, Rows>& out) {
   namespace detail = small_product_detail;
-  using Transposed = detail::Transposed<Rows, Inner>;
-  detail::symmetric_sum<true, Rows>(&base, out, detail::Term<Rows, Inner, Transposed>{A, {B}});
-}
-
-/// out = A B + C D' where that is symmetric; `out` may be none of the four.
-template <int Rows, int Inner, int OtherInner>
-void multiply_symmetric(const Small<Rows, Inner>& A, const Small<Inner, Rows>& B,
-                        const Small<Rows, OtherInner>& C, const Small<Rows, OtherInner>& D,
-                        Small<Rows, Rows>& out) {
-  namespace detail = small_product_detail;
-  using Plain = detail::Plain<Inner, Rows>;
-  using Transposed = detail::Transposed<Rows, OtherInner>;
-  detail::symmetric_sum<false, Rows>(nullptr, out, detail::Term<Rows, Inner, Plain>{A, {B}},
-                                     detail::Term<Rows, OtherInner, Transposed>{C, {D}});
+  detail::symmetric_product<detail::Action::kAdd, Rows, Inner>(
+      &base, A, detail::Transposed<Rows, Inner>{B}, out);
 }
 
 }  // namespace holdfast
