@@ -81,7 +81,7 @@ const FrameProtection* ProxyCore::protection_of(const CanFrame& frame) const {
   return nullptr;
 }
 
-void ProxyCore::pass(const CanFrame& frame, Way way) {
+void ProxyCore::pass(const CanFrame& frame, const Way& way) {
   ++way.counters.passed;
   ++way.counters.sent;
   way.frames.push_back(frame);
@@ -122,7 +122,7 @@ void ProxyCore::on_monitor_frame(const CanFrame& frame, ProxyOutput& out) {
 
 // False when the frame ends here. The frame's record is the way's last one, once it is touched.
 bool ProxyCore::meet_rule(const RuleCandidate& candidate, std::int64_t rx_index,
-                          const DrawPlace& place, Way way, Passage& passage) {
+                          const DrawPlace& place, const Way& way, Passage& passage) {
   using Action = AttackRule::Action;
   const AttackRule& rule = rules()[candidate.rule];
   CanFrame& forwarded = way.frames.back();
@@ -168,7 +168,7 @@ bool ProxyCore::meet_rule(const RuleCandidate& candidate, std::int64_t rx_index,
 }
 
 void ProxyCore::complete_record(const CanFrame& frame, std::int64_t rx_index,
-                                const DrawPlace& place, const Passage& passage, Way way) {
+                                const DrawPlace& place, const Passage& passage, const Way& way) {
   AttackRecord& record = way.records.back();
   record.direction = way.direction;
   record.step = place.step;
@@ -181,7 +181,8 @@ void ProxyCore::complete_record(const CanFrame& frame, std::int64_t rx_index,
 }
 
 void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
-                           std::span<const RuleCandidate> list, const DrawPlace& place, Way way) {
+                           std::span<const RuleCandidate> list, const DrawPlace& place,
+                           const Way& way) {
   way.frames.push_back(frame);
   Passage passage;
   copies_.clear();
@@ -203,7 +204,6 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
   }
   if (hold_back(frame, rx_index, place, passage, way)) return;
   if (way.direction == AttackRecord::Direction::kToMonitor) effects_.on_sent(way.frames.back());
-  AttackRecord of_copies;
   if (passage.is_touched) {
     complete_record(frame, rx_index, place, passage, way);
     ++way.counters.altered;
@@ -213,6 +213,7 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
     ++way.counters.sent;
   }
   if (copies_.empty()) return;
+  AttackRecord of_copies;
   of_copies.generation = generation_;
   of_copies.step = place.step;
   of_copies.rx_index = rx_index;
@@ -224,7 +225,7 @@ void ProxyCore::meet_rules(const CanFrame& frame, std::int64_t rx_index,
 
 // A frame that a rule delays, and one that must not overtake such a frame, waits.
 bool ProxyCore::hold_back(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
-                          Passage& passage, Way way) {
+                          Passage& passage, const Way& way) {
   const FrameHold::Blocker* blocker =
       hold_.is_empty() || passage.reorders ? nullptr : hold_.last_of(way.direction, frame);
   if (passage.delay_steps == 0 && blocker == nullptr) return false;
@@ -270,7 +271,8 @@ void ProxyCore::release(ProxyOutput& out) {
 }
 
 // Of the frame that was sent last, behind it.
-void ProxyCore::send_copies(const AttackRecord& of, std::span<const FrameCopies> copies, Way way) {
+void ProxyCore::send_copies(const AttackRecord& of, std::span<const FrameCopies> copies,
+                            const Way& way) {
   for (const FrameCopies& wanted : copies) {
     for (int i = 0; i < rules()[wanted.rule].copies; ++i) {
       const CanFrame copy = way.frames.back();
@@ -309,7 +311,7 @@ void ProxyCore::end_step(ProxyOutput& out) {
   open_rules();
 }
 
-void ProxyCore::inject(const RuleCandidate& candidate, Way way) {
+void ProxyCore::inject(const RuleCandidate& candidate, const Way& way) {
   const AttackRule& rule = rules()[candidate.rule];
   const CanFrame& form = effects_.table().target(candidate).forged;
   DrawPlace place = {static_cast<std::uint32_t>(step_),
@@ -330,7 +332,7 @@ void ProxyCore::inject(const RuleCandidate& candidate, Way way) {
 }
 
 void ProxyCore::send_forged(const RuleCandidate& candidate, const DrawPlace& place, double draw,
-                            Way way) {
+                            const Way& way) {
   const AttackRule& rule = rules()[candidate.rule];
   const RuleTarget& target = effects_.table().target(candidate);
   CanFrame frame;

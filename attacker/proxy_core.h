@@ -121,18 +121,18 @@ class ProxyCore {
   std::uint32_t next_index(const CanFrame& frame);
   std::uint32_t next_command_index(std::int64_t step);
 
-  void pass(const CanFrame& frame, Way way);
+  void pass(const CanFrame& frame, const Way& way);
   void meet_rules(const CanFrame& frame, std::int64_t rx_index, std::span<const RuleCandidate> list,
-                  const DrawPlace& place, Way way);
+                  const DrawPlace& place, const Way& way);
   bool meet_rule(const RuleCandidate& candidate, std::int64_t rx_index, const DrawPlace& place,
-                 Way way, Passage& passage);
+                 const Way& way, Passage& passage);
   void complete_record(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
-                       const Passage& passage, Way way);
+                       const Passage& passage, const Way& way);
   bool hold_back(const CanFrame& frame, std::int64_t rx_index, const DrawPlace& place,
-                 Passage& passage, Way way);
+                 Passage& passage, const Way& way);
   void release(ProxyOutput& out);
   const FrameProtection* protection_of(const CanFrame& frame) const;
-  void send_copies(const AttackRecord& of, std::span<const FrameCopies> copies, Way way);
+  void send_copies(const AttackRecord& of, std::span<const FrameCopies> copies, const Way& way);
   void move_chain(std::uint32_t rule, const DrawPlace& place);
   void count_chance(std::uint32_t rule);
   bool decides(const RuleCandidate& candidate, const DrawPlace& place, double& draw);
@@ -140,8 +140,9 @@ class ProxyCore {
   bool can_act(const RuleCandidate& candidate, const CanFrame& frame) const;
   bool is_due(const AttackRule& rule, std::int64_t rx_index) const;
   bool is_due_in_step(const AttackRule& rule) const;
-  void inject(const RuleCandidate& candidate, Way way);
-  void send_forged(const RuleCandidate& candidate, const DrawPlace& place, double draw, Way way);
+  void inject(const RuleCandidate& candidate, const Way& way);
+  void send_forged(const RuleCandidate& candidate, const DrawPlace& place, double draw,
+                   const Way& way);
 
   std::uint64_t seed_;
   std::uint32_t run_;

@@ -30,6 +30,11 @@ r123::Philox4x32::ctr_type block(std::uint64_t key, std::uint32_t run, std::uint
   return r123::Philox4x32{}(counter, words);
 }
 
+// Radius and angle of a pair of normals.
+std::array<double, 2> polar(const std::array<double, 2>& uniforms) {
+  return {std::sqrt(-2.0 * std::log(uniforms[0])), 2.0 * std::numbers::pi * uniforms[1]};
+}
+
 }  // namespace
 
 std::uint64_t stable_hash(std::string_view text) {
@@ -49,11 +54,19 @@ double RandomStream::uniform(std::uint32_t step, std::uint64_t draw) const {
                        : to_unit_interval(words[2], words[3]);
 }
 
+std::array<double, 2> RandomStream::uniforms(std::uint32_t step, std::uint64_t pair) const {
+  const auto words = block(key_, run_, step, pair);
+  return {to_unit_interval(words[0], words[1]), to_unit_interval(words[2], words[3])};
+}
+
 double RandomStream::normal(std::uint32_t step, std::uint64_t draw) const {
-  const auto words = block(key_, run_, step, draw / 2);
-  const double radius = std::sqrt(-2.0 * std::log(to_unit_interval(words[0], words[1])));
-  const double angle = 2.0 * std::numbers::pi * to_unit_interval(words[2], words[3]);
+  const auto [radius, angle] = polar(uniforms(step, draw / 2));
   return radius * (draw % 2 == 0 ? std::cos(angle) : std::sin(angle));
+}
+
+std::array<double, 2> RandomStream::normals(std::uint32_t step, std::uint64_t pair) const {
+  const auto [radius, angle] = polar(uniforms(step, pair));
+  return {radius * std::cos(angle), radius * std::sin(angle)};
 }
 
 int RandomStream::poisson(double mean, std::uint32_t step, std::uint64_t draw) const {

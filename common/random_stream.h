@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <string_view>
@@ -18,8 +19,14 @@ class RandomStream {
   /// Uniform on the open interval (0, 1), 52 bits.
   double uniform(std::uint32_t step, std::uint64_t draw) const;
 
+  /// Uniform draws 2 pair and 2 pair + 1, in the time of one.
+  std::array<double, 2> uniforms(std::uint32_t step, std::uint64_t pair) const;
+
   /// Standard normal by Box-Muller; draws 2 i and 2 i + 1 are the cosine and the sine of one pair.
   double normal(std::uint32_t step, std::uint64_t draw) const;
+
+  /// Normal draws 2 pair and 2 pair + 1, in less than the time of both.
+  std::array<double, 2> normals(std::uint32_t step, std::uint64_t pair) const;
 
   /// Poisson by inversion of the uniform draw. Precondition: 0 <= mean <= 500.
   int poisson(double mean, std::uint32_t step, std::uint64_t draw) const;

@@ -54,10 +54,11 @@ BinarySensorDraws BinaryTargetPlant::draw(std::size_t sensor, std::uint32_t step
   // Draws are addressed, so those that nothing could depend on are left out.
   const BinaryTargetModel::Attack& attack = options_.attack;
   if (attack.dos[sensor] > 0.0 || attack.deception[sensor] > 0.0) {
-    draws.dos_uniform = sensor_attack_.uniform(step, 4 * sensor);
-    draws.deception_uniform = sensor_attack_.uniform(step, 4 * sensor + 1);
+    const auto [dos_uniform, deception_uniform] = sensor_attack_.uniforms(step, 2 * sensor);
+    draws.dos_uniform = dos_uniform;
+    draws.deception_uniform = deception_uniform;
   }
-  if (attack.deception[sensor] > 0.0) {
+  if (draws.deception_uniform < attack.deception[sensor]) {
     const double position = sensor_attack_.uniform(step, 4 * sensor + 2);
     draws.deception_value =
         attack.deception_low + (attack.deception_high - attack.deception_low) * position;
@@ -70,8 +71,11 @@ const PlantStep& BinaryTargetPlant::advance() {
   const auto step = static_cast<std::uint32_t>(step_.step);
   Eigen::Vector4d normals = Eigen::Vector4d::Zero();
   if (options_.trajectory == BinaryTargetPlantOptions::Trajectory::kRandom) {
-    for (int i = 0; i < 4; ++i)
-      normals[i] = process_noise_.normal(step, static_cast<std::uint64_t>(i));
+    for (int pair = 0; pair < 2; ++pair) {
+      const auto [first, second] = process_noise_.normals(step, static_cast<std::uint64_t>(pair));
+      normals[2 * pair] = first;
+      normals[2 * pair + 1] = second;
+    }
   }
   state_ = model_.propagate(state_, normals);
   step_.state = state_;

@@ -199,17 +199,26 @@ void CampaignStore::add(const RunResult& result) {
 
 void CampaignStore::add_curve(std::int64_t series, std::int64_t run,
                               std::span<const double> values) {
-  if (!insert_curve_) insert_curve_ = database_.prepare("INSERT INTO curves VALUES(?, ?, ?)");
-  insert_curve_->bind(series).bind(run).bind(bytes_of(values)).run();
+  insertion("INSERT INTO curves VALUES(?, ?, ?)")
+      .bind(series)
+      .bind(run)
+      .bind(bytes_of(values))
+      .run();
+}
+
+SqliteStatement& CampaignStore::insertion(std::string_view sql) {
+  const auto found = insertions_.find(sql);
+  if (found != insertions_.end()) return found->second;
+  return insertions_.emplace(sql, database_.prepare(std::string(sql))).first->second;
 }
 
 void CampaignStore::insert(const RunResult& result) {
-  database_.prepare("INSERT INTO runs VALUES(?, ?)").bind(result.point).bind(result.run).run();
+  insertion("INSERT INTO runs VALUES(?, ?)").bind(result.point).bind(result.run).run();
   add_curve(series(result.point, "", "is_attacked"), result.run, result.is_attacked);
   if (!result.authentic_packets.empty()) {
     add_curve(series(result.point, "", "authentic_packets"), result.run, result.authentic_packets);
   }
-  SqliteStatement counter = database_.prepare("INSERT INTO counters VALUES(?, '', ?, ?, ?)");
+  SqliteStatement& counter = insertion("INSERT INTO counters VALUES(?, '', ?, ?, ?)");
   for (const auto& [name, value] : result.counters)
     counter.bind(result.point).bind(name).bind(result.run).bind(value).run();
   for (const EstimatorResult& estimator : result.estimators) insert_estimator(result, estimator);
@@ -218,25 +227,25 @@ void CampaignStore::insert(const RunResult& result) {
 void CampaignStore::insert_estimator(const RunResult& result, const EstimatorResult& estimator) {
   for (const auto& [name, values] : estimator.scores.curves)
     add_curve(series(result.point, estimator.name, name), result.run, values);
-  SqliteStatement counter = database_.prepare("INSERT INTO counters VALUES(?, ?, ?, ?, ?)");
+  SqliteStatement& counter = insertion("INSERT INTO counters VALUES(?, ?, ?, ?, ?)");
   for (const auto& [name, value] : estimator.scores.outcomes) {
     counter.bind(result.point).bind(estimator.name).bind(name).bind(result.run).bind(value).run();
   }
   if (!estimator.scores.packets.is_empty()) {
-    database_.prepare("INSERT INTO packets VALUES(?, ?, ?, ?)")
+    insertion("INSERT INTO packets VALUES(?, ?, ?, ?)")
         .bind(result.point)
         .bind(estimator.name)
         .bind(result.run)
         .bind(bytes_of(estimator.scores.packets))
         .run();
   }
-  SqliteStatement detection = database_.prepare("INSERT INTO detections VALUES(?, ?, ?, ?, ?, ?)");
+  SqliteStatement& detection = insertion("INSERT INTO detections VALUES(?, ?, ?, ?, ?, ?)");
   for (const DetectionEvent& event : estimator.detections) {
     detection.bind(result.point).bind(estimator.name).bind(result.run);
     detection.bind(event.first_step).bind(event.last_step);
     (event.detected_step < 0 ? detection.bind_null() : detection.bind(event.detected_step)).run();
   }
-  database_.prepare("INSERT INTO step_times VALUES(?, ?, ?, ?)")
+  insertion("INSERT INTO step_times VALUES(?, ?, ?, ?)")
       .bind(result.point)
       .bind(estimator.name)
       .bind(result.run)

@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <functional>
 #include <map>
-#include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -74,13 +74,14 @@ class CampaignStore {
   void insert(const RunResult& result);
   void insert_estimator(const RunResult& result, const EstimatorResult& estimator);
   void add_curve(std::int64_t series, std::int64_t run, std::span<const double> values);
+  SqliteStatement& insertion(std::string_view sql);
   void begin();
   void for_each_blob(const std::string& table, const std::string& column, std::int64_t point,
                      const std::string& estimator, RunRange range,
                      const std::function<void(std::int64_t, std::span<const std::uint8_t>)>& take);
 
   SqliteDatabase database_;
-  std::optional<SqliteStatement> insert_curve_;  // used for most of what is written
+  std::map<std::string_view, SqliteStatement> insertions_;  // by their text, each prepared once
   std::vector<StoredPoint> points_;
   std::map<std::pair<std::pair<std::int64_t, std::string>, std::string>, std::int64_t> series_;
   std::set<std::pair<std::int64_t, std::int64_t>> known_runs_;

@@ -195,6 +195,18 @@ TEST_CASE("streams, runs and steps are uncorrelated") {
   CHECK(std::abs(correlation(base, centred(RandomStream(1, 0, "a"), 0))) > bound);
 }
 
+TEST_CASE("a pair of draws is the two that are drawn one by one") {
+  const RandomStream stream(3, 1, "pairs");
+  for (std::uint64_t pair = 0; pair < 100; ++pair) {
+    const std::array<double, 2> uniforms = stream.uniforms(7, pair);
+    const std::array<double, 2> normals = stream.normals(7, pair);
+    for (std::uint64_t i = 0; i < 2; ++i) {
+      CHECK(uniforms[i] == stream.uniform(7, 2 * pair + i));
+      CHECK(normals[i] == stream.normal(7, 2 * pair + i));
+    }
+  }
+}
+
 TEST_CASE("a draw does not depend on what was drawn before") {
   const RandomStream stream(9, 2, "order");
   std::vector<double> forwards, backwards;
