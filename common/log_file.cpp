@@ -11,6 +11,8 @@
 namespace holdfast {
 namespace {
 
+constexpr int kPartNamesMax = 1000;
+
 // LCM log format: sync word, event number, time stamp, channel length, data length, then both,
 // big-endian without padding.
 constexpr std::array<std::uint8_t, 4> kSyncBytes{0xED, 0xA1, 0xDA, 0x01};
@@ -102,9 +104,21 @@ std::string log_of_run(const std::string& path) {
   throw UsageError(path + ": a folder without log.lcm; name a log, or a run's folder");
 }
 
-LogWriter::LogWriter(const std::string& file, Appears appears)
-    : name_(file), unfinished_(appears == Appears::kWhenFinished ? file + ".part" : "") {
-  file_.reset(std::fopen((unfinished_.empty() ? name_ : unfinished_).c_str(), "wb"));
+LogWriter::LogWriter(const std::string& file, Appears appears) : name_(file) {
+  // What is no file, as a device, cannot be replaced by one.
+  std::error_code error;
+  const bool is_file =
+      !std::filesystem::exists(file, error) || std::filesystem::is_regular_file(file, error);
+  if (appears == Appears::kAtOnce || !is_file) {
+    file_.reset(std::fopen(file.c_str(), "wb"));
+  } else {
+    // A file with that name may be anybody's, or what is left of a writer that was killed.
+    for (int i = 0; !file_ && i < kPartNamesMax; ++i) {
+      unfinished_ = file + ".part" + (i == 0 ? "" : std::to_string(i));
+      file_.reset(std::fopen(unfinished_.c_str(), "wbx"));
+      if (!file_ && errno != EEXIST) break;
+    }
+  }
   if (!file_) throw JobError(name_ + ": cannot be written: " + std::strerror(errno));
 }
 

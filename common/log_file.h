@@ -55,8 +55,8 @@ class LogReader {
 /// Writes an LCM log in process: same bytes for the same events, unlike lcm-logger.
 class LogWriter {
  public:
-  /// From the first event on, or complete only: until finish() it is FILE.part, which goes with a
-  /// writer that did not finish.
+  /// From the first event on, or complete only: until finish() it is FILE.part (or .part1, ..,
+  /// where that is there), which goes with a writer that ends without. A device is written at once.
   enum class Appears { kAtOnce, kWhenFinished };
 
   /// Throws JobError when the file cannot be made.
@@ -81,7 +81,7 @@ class LogWriter {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
   std::string name_;
-  std::string unfinished_;  // name until then; "": finished, or never another one
+  std::string unfinished_;  // name until then; "": the same
   std::unique_ptr<std::FILE, Closer> file_;
   std::int64_t next_number_ = 0;
   std::map<std::string, std::int64_t> next_seq_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "estimators/small_matrix.h"
+
 namespace holdfast {
 namespace {
 
@@ -13,16 +15,16 @@ double ratio(double part, double whole, double fallback) {
 }  // namespace
 
 AttackFit::AttackFit(int num_measurements)
-    : bias_sum_(Eigen::VectorXd::Zero(num_measurements)),
-      bias_second_(Eigen::MatrixXd::Zero(num_measurements, num_measurements)) {}
+    : bias_mean_(Eigen::VectorXd::Zero(num_measurements)),
+      bias_apart_(num_measurements),
+      bias_scatter_(Eigen::MatrixXd::Zero(num_measurements, num_measurements)) {}
 
 void AttackFit::forget(double factor) {
   for (double* sum : {&num_readings_, &num_attacked_, &num_falsified_, &num_biased_, &num_scaled_,
-                      &bias_weight_, &scale_weight_, &scale_sum_, &scale_second_}) {
+                      &bias_weight_, &scale_weight_, &scale_scatter_}) {
     *sum *= factor;
   }
-  bias_sum_ *= factor;
-  bias_second_ *= factor;
+  bias_scatter_ *= factor;
 }
 
 void AttackFit::add_guess(const AttackStatistics& guess, double num_readings) {
@@ -61,16 +63,22 @@ void AttackFit::add_counts(const AttackStatistics& statistics,
 
 void AttackFit::add_bias(double weight, const Eigen::Ref<const Eigen::VectorXd>& mean,
                          const Eigen::Ref<const Eigen::MatrixXd>& covariance) {
+  if (!(weight > 0.0)) return;
+  const double earlier = bias_weight_;
   bias_weight_ += weight;
-  bias_sum_ += weight * mean;
-  bias_second_ += weight * covariance;
-  bias_second_.noalias() += (weight * mean) * mean.transpose();
+  bias_apart_ = mean - bias_mean_;
+  bias_mean_ += (weight / bias_weight_) * bias_apart_;
+  bias_scatter_ += weight * covariance;
+  bias_apart_ *= std::sqrt(weight * earlier / bias_weight_);
+  bias_scatter_.noalias() += bias_apart_ * bias_apart_.transpose();
 }
 
 void AttackFit::add_scale(double weight, double mean, double variance) {
+  if (!(weight > 0.0)) return;
+  const double earlier = scale_weight_, apart = mean - scale_mean_;
   scale_weight_ += weight;
-  scale_sum_ += weight * mean;
-  scale_second_ += weight * (variance + mean * mean);
+  scale_mean_ += weight / scale_weight_ * apart;
+  scale_scatter_ += weight * variance + weight * earlier / scale_weight_ * apart * apart;
 }
 
 AttackStatistics AttackFit::maximise(const AttackStatistics& current) const {
@@ -81,14 +89,13 @@ AttackStatistics AttackFit::maximise(const AttackStatistics& current) const {
   fitted.bias_probability = ratio(num_biased_, num_falsified_, current.bias_probability);
   fitted.scale_probability = ratio(num_scaled_, num_falsified_, current.scale_probability);
   if (bias_weight_ > 0.0) {
-    fitted.bias_mean = bias_sum_ / bias_weight_;
-    fitted.bias_covariance =
-        bias_second_ / bias_weight_ - fitted.bias_mean * fitted.bias_mean.transpose();
+    fitted.bias_mean = bias_mean_;
+    fitted.bias_covariance = bias_scatter_ / bias_weight_;
+    symmetrise_small(fitted.bias_covariance);
   }
   if (scale_weight_ > 0.0) {
-    fitted.scale_mean = scale_sum_ / scale_weight_;
-    fitted.scale_std = std::sqrt(
-        std::max(0.0, scale_second_ / scale_weight_ - fitted.scale_mean * fitted.scale_mean));
+    fitted.scale_mean = scale_mean_;
+    fitted.scale_std = std::sqrt(std::max(0.0, scale_scatter_ / scale_weight_));
   }
   return fitted;
 }

@@ -14,7 +14,7 @@ class AttackFit {
  public:
   explicit AttackFit(int num_measurements);
 
-  void clear() { *this = AttackFit(static_cast<int>(bias_sum_.size())); }
+  void clear() { *this = AttackFit(static_cast<int>(bias_mean_.size())); }
   /// Makes all that was summed up count less, for a recursive fit; factor in [0, 1].
   void forget(double factor);
 
@@ -70,10 +70,12 @@ class AttackFit {
   // Expected numbers of readings: all, attacked, of those not forced, of those biased or scaled.
   double num_readings_ = 0.0, num_attacked_ = 0.0, num_falsified_ = 0.0;
   double num_biased_ = 0.0, num_scaled_ = 0.0;
+  // Means, and sums of squares about them: without the mean's own square, which would drown little
+  // scatter in its rounding.
   double bias_weight_ = 0.0, scale_weight_ = 0.0;
-  Eigen::VectorXd bias_sum_;
-  Eigen::MatrixXd bias_second_;
-  double scale_sum_ = 0.0, scale_second_ = 0.0;
+  Eigen::VectorXd bias_mean_, bias_apart_;
+  Eigen::MatrixXd bias_scatter_;
+  double scale_mean_ = 0.0, scale_scatter_ = 0.0;
 };
 
 }  // namespace holdfast

@@ -215,6 +215,18 @@ std::unique_ptr<AttackMixture> AttackMixture::renewed(const AttackStatistics& st
   return std::make_unique<AttackMixture>(model_, options, rows_);
 }
 
+std::unique_ptr<AttackMixture> AttackMixture::renewed_for_fit(
+    const AttackStatistics& statistics) const {
+  AttackMixtureOptions options = options_;
+  options.components_max = 1;
+  options.learn_over_steps = 0.0;
+  options.assumes.periods.resize(1);
+  options.assumes.periods.front().set(statistics);
+  auto filter = std::make_unique<AttackMixture>(model_, options, rows_);
+  filter->prepare_fit();
+  return filter;
+}
+
 std::unique_ptr<VectorKernel> make_kernel(const SystemModel& model,
                                           const AttackMixtureOptions& options) {
   return make_mixture_kernel(model, options, nullptr);

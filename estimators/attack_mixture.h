@@ -52,8 +52,12 @@ class AttackMixture : public VectorFilter {
   /// it remembers, else each reading in the light of the earlier ones. Precondition: does not
   /// learn.
   AttackStatistics fit() const { return learning_->fit.maximise(learning_->statistics); }
-  /// The same filter before its first step, with other beliefs.
+  /// Its beliefs change with time (`assumes.changes`), so that no one block can say them.
+  bool believes_in_changes() const { return options_.assumes.periods.size() > 1; }
+  /// The same filter before its first step, with other beliefs for all steps.
   std::unique_ptr<AttackMixture> renewed(const AttackStatistics& statistics) const;
+  /// The same, with one Gaussian and without learning on the way, ready for fit().
+  std::unique_ptr<AttackMixture> renewed_for_fit(const AttackStatistics& statistics) const;
 
  private:
   AttackMixture(const SystemModel& model, const AttackMixtureOptions& options,

@@ -23,7 +23,11 @@ void show_progress(std::int64_t step, std::int64_t num_steps) {
 }
 
 void show_round(const LogFitRound& round) {
-  if (round.round == 1) {
+  if (round.round == 0) {
+    for (const std::string& belief : unmoved_beliefs(round.statistics)) {
+      std::cerr << "holdfast-smoother: " << belief
+                << " is 0 or 1 in the scenario, which no fit moves; start from another guess\n";
+    }
     std::printf("%5s %16s %8s %8s %8s %8s %10s %9s %9s\n", "round", "log-likelihood", "attack",
                 "dos", "bias", "scale", "scale mean", "scale std", "change");
   }
@@ -38,10 +42,10 @@ void show_round(const LogFitRound& round) {
 AttackStatistics fit(const LogFitOptions& options) {
   const LogFitRound last = fit_log(options);
   if (!last.is_converged) {
-    std::cerr << "holdfast-smoother: stopped after " << last.round
-              << " rounds, not converged: the beliefs still change by " << last.change
-              << " of their size (tolerance " << options.tolerance
-              << "; --fit-rounds allows more)\n";
+    std::cerr << "holdfast-smoother: stopped after round " << last.round
+              << ", not converged: a belief still changes by " << last.change
+              << " of its size. More rounds (--fit-rounds) suit this log better, the truth often "
+                 "worse: see docs/gslr.md\n";
   }
   std::cout << "\nfor the scenario's estimator '" << options.name << "':\n"
             << assumes_text(last.statistics) << "\n";
@@ -84,11 +88,13 @@ int main(int argc, char** argv) {
   app.add_option("log", options.log_file, "LCM log of a run, or the run's folder")->required();
   app.add_option("--out", options.out_file, "Log to write [LOG with -smoothed before its ending]");
   app.add_option("--name", options.name, "Only this estimator, with or without the key `smoother`");
-  app.add_option("--fit", fitted.name,
-                 "This estimator (method attack_mixture), with beliefs fitted to the log by "
-                 "expectation-maximisation, which are printed")
-      ->excludes("--name");
+  auto* fit =
+      app.add_option("--fit", fitted.name,
+                     "This estimator (method attack_mixture), with beliefs fitted to the log by "
+                     "expectation-maximisation, which are printed");
+  fit->excludes("--name");
   app.add_option("--fit-rounds", fitted.rounds_max, "Rounds after which the fit stops")
+      ->needs(fit)
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
   app.add_option("--lag", options.lag_steps,

@@ -140,7 +140,9 @@ class LogComparison {
           result_.notes.push_back(printable(channel, 60) + where +
                                   ": only a campaign knows what it is told");
         } else {
-          result_.problems.push_back(printable(channel, 60) + where);
+          const bool is_smoothed = channel.starts_with("SMOOTHED_");
+          result_.problems.push_back(printable(channel, 60) + where +
+                                     (is_smoothed ? "; holdfast-smoother makes it of a log" : ""));
         }
         continue;
       }

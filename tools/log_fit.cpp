@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <holdfast/measurement_set_t.hpp>
+#include <utility>
 #include <vector>
 
 #include "common/log_file.h"
@@ -13,6 +14,7 @@
 #include "estimators/estimator_session.h"
 #include "tools/experiment.h"
 #include "tools/log_meta.h"
+#include "tools/log_replay.h"
 
 namespace holdfast {
 namespace {
@@ -26,6 +28,7 @@ std::vector<MeasurementSet> read_sets(const std::string& log_file) {
     if (event.channel != "MEASUREMENT" || !decode_guarded(event.data, message)) continue;
     from_message(message, sets.emplace_back());
   }
+  warn_of_damage("holdfast-smoother", log_file, reader);
   if (sets.empty()) throw UsageError(log_file + ": holds no measurement set");
   return sets;
 }
@@ -60,18 +63,21 @@ LogFitRound fit_log(const LogFitOptions& options) {
     throw UsageError("estimator '" + entry.name +
                      "' has nothing to fit: name one of method attack_mixture");
   }
-  const std::vector<MeasurementSet> sets = read_sets(options.log_file);
   const std::unique_ptr<Estimator> made =
       experiment.make_estimator(entry, static_cast<std::uint32_t>(meta.run));
   const auto& first = dynamic_cast<const AttackMixture&>(*made);
+  if (first.believes_in_changes()) {
+    throw UsageError("estimator '" + entry.name +
+                     "' assumes changes with time (assumes.changes), and a fit gives one block for "
+                     "the whole log");
+  }
+  const std::vector<MeasurementSet> sets = read_sets(options.log_file);
   LogFitRound round;
   AttackStatistics next = first.statistics();
-  while (true) {
-    ++round.round;
+  for (;; ++round.round) {
     round.statistics = next;
-    const std::unique_ptr<AttackMixture> filter = first.renewed(next);
+    const std::unique_ptr<AttackMixture> filter = first.renewed_for_fit(next);
     filter->remember(SmoothingEstimator::kAllSteps);
-    filter->prepare_fit();
     EstimatorSession session(*filter, experiment.num_steps, experiment.step_s(),
                              experiment.known_inputs());
     for (const MeasurementSet& set : sets) session.on_set(set, [](const Estimate&) {});
@@ -83,6 +89,19 @@ LogFitRound fit_log(const LogFitOptions& options) {
     if (options.on_round) options.on_round(round);
     if (round.is_converged || round.round == options.rounds_max) return round;
   }
+}
+
+std::vector<std::string> unmoved_beliefs(const AttackStatistics& statistics) {
+  const std::pair<const char*, double> all[] = {
+      {"attack_probability", statistics.attack_probability},
+      {"dos_probability", statistics.dos_probability},
+      {"bias.probability", statistics.bias_probability},
+      {"scale.probability", statistics.scale_probability}};
+  std::vector<std::string> names;
+  for (const auto& [name, probability] : all) {
+    if (probability <= 0.0 || probability >= 1.0) names.emplace_back(name);
+  }
+  return names;
 }
 
 std::string assumes_text(const AttackStatistics& statistics) {

@@ -2,14 +2,15 @@
 
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "estimators/attack_statistics.h"
 
 namespace holdfast {
 
-/// One round of a fit: the beliefs that it had, and how likely they make the readings: by the
-/// filter, which collapses its hypotheses, so that more probable beliefs can come out a little less
-/// likely.
+/// One round of a fit, the 0th with the scenario's guess: the beliefs that it had, and how likely
+/// they make the readings: by the filter, which collapses its hypotheses, so that more probable
+/// beliefs can come out a little less likely.
 struct LogFitRound {
   int round = 0;
   double log_likelihood = 0.0;
@@ -28,10 +29,14 @@ struct LogFitOptions {
 };
 
 /// Fits what an attack_mixture of a log's scenario assumes of attacks by expectation-maximisation,
-/// from what the scenario says; returns the last round, which may not have converged. Throws
-/// UsageError for a log without scenario or measurement sets, and for an estimator that is not
-/// there or of another method.
+/// from what the scenario says, with one Gaussian (`components_max` 1) and without learning on the
+/// way; returns the last round, which may not have converged. Throws UsageError for a log without
+/// scenario or measurement sets, and for an estimator that is not there, of another method, or
+/// whose beliefs change with time.
 LogFitRound fit_log(const LogFitOptions& options);
+
+/// Probabilities of a guess, by their keys, that no fit moves since they are 0 or 1.
+std::vector<std::string> unmoved_beliefs(const AttackStatistics& guess);
 
 /// The block `assumes` of a scenario that says these statistics.
 std::string assumes_text(const AttackStatistics& statistics);

@@ -36,6 +36,16 @@ void check_new_log(const std::string& log_file, const std::string& out_file) {
   }
 }
 
+void warn_of_damage(const std::string& program, const std::string& log_file,
+                    const LogReader& reader) {
+  if (reader.damaged_bytes() > 0) {
+    std::cerr << program << ": " << log_file << ": " << reader.damaged_bytes()
+              << " damaged bytes were skipped" << std::endl;
+  }
+  if (reader.tail_is_torn())
+    std::cerr << program << ": " << log_file << ": ends in the middle of an event" << std::endl;
+}
+
 void warn_of_kernel(const std::string& program, const Experiment& experiment, const RunMeta& meta) {
   const std::string kernel = experiment.kernel_text();
   if (kernel == meta.kernel) return;
@@ -90,6 +100,7 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
       });
     }
   }
+  warn_of_damage("holdfast-estimator", log_file, reader);
   if (num_sets == 0) throw UsageError(log_file + ": holds no measurement set");
   writer.finish();
 }

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "common/log_file.h"
 #include "common/run_meta.h"
 #include "tools/experiment.h"
 
@@ -17,6 +18,9 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
 
 /// Throws UsageError when a log to write is the log to read.
 void check_new_log(const std::string& log_file, const std::string& out_file);
+/// Says on stderr how much of a log, read to its end, was damaged; nothing where nothing was.
+void warn_of_damage(const std::string& program, const std::string& log_file,
+                    const LogReader& reader);
 /// Says on stderr that estimates may differ in their last bits, where the log's kernel is another.
 void warn_of_kernel(const std::string& program, const Experiment& experiment, const RunMeta& meta);
 

@@ -82,6 +82,7 @@ std::int64_t smooth_sets(const LogSmootherOptions& options, std::int64_t num_ste
     for (Smoothed& one : all) one.session.on_set(set, [&one](const Estimate&) { one.keep(); });
     if (options.on_progress) options.on_progress(message.step, num_steps);
   }
+  warn_of_damage("holdfast-smoother", options.log_file, reader);
   for (Smoothed& one : all) {
     one.stream.finish([&one](const Estimate& estimate) { one.estimates.push_back(estimate); });
   }

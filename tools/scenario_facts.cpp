@@ -68,8 +68,12 @@ ScenarioFacts read_facts(const std::string& yaml) {
     const auto name = value_or<std::string>(node["name"], "");
     const bool is_campaign_only = is_campaign_input(value_or<std::string>(node["input"], ""));
     facts.estimators.push_back({name, is_campaign_only, false});
-    if (node["smoother"])
-      facts.estimators.push_back({name + "_smoothed", is_campaign_only, !is_campaign_only});
+    const YAML::Node smoother = node["smoother"];
+    if (!smoother) continue;
+    // With a lag a live run publishes it.
+    const bool is_live = smoother.IsMap() && value_or<std::int64_t>(smoother["lag_steps"], 0) > 0;
+    facts.estimators.push_back(
+        {name + "_smoothed", is_campaign_only, !is_campaign_only && !is_live});
   }
   const YAML::Node campaign = child(root, "campaign");
   if (campaign.IsMap()) {

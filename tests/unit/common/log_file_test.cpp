@@ -177,6 +177,27 @@ TEST_CASE("a log that is to appear when finished does so whole, or not at all") 
                     Catch::StartsWith(nowhere + ": cannot be written"));
 }
 
+TEST_CASE("a log replaces no device, and nobody's file that happens to be called .part") {
+  const TemporaryFolder folder;
+  const std::string file = folder.file("new.lcm"), link = folder.file("full");
+  put_contents(file + ".part", "somebody's");
+  {
+    LogWriter writer(file, LogWriter::Appears::kWhenFinished);
+    writer.write("CHANNEL", 0, std::vector<std::uint8_t>(10));
+    writer.finish();
+  }
+  CHECK(std::filesystem::file_size(file) > 10);
+  CHECK(contents(file + ".part") == "somebody's");
+  CHECK_FALSE(std::filesystem::exists(file + ".part1"));
+  std::filesystem::create_symlink("/dev/full", link);
+  {
+    LogWriter writer(link, LogWriter::Appears::kWhenFinished);
+    writer.write("CHANNEL", 0, std::vector<std::uint8_t>(10));
+    CHECK_THROWS_AS(writer.finish(), JobError);
+  }
+  CHECK(std::filesystem::is_character_file(link));
+}
+
 TEST_CASE("a run's folder stands for its log") {
   const TemporaryFolder folder;
   CHECK(log_of_run(folder.file("run.lcm")) == folder.file("run.lcm"));

@@ -98,6 +98,16 @@ TEST_CASE(
     CHECK(smoothed.missing_steps == (has_looked ? 3 : 0));
     CHECK((review_table(review).find("offline") != std::string::npos) == !has_looked);
   }
+  // With a lag it is published live, so that it can be missed.
+  scenario.replace(scenario.find("lag_steps: 0"), 12, "lag_steps: 3");
+  {
+    LogWriter log(folder.file("log"));
+    write_meta(log, scenario);
+    write_estimate(log, "EST_SECURE", 1, kTruth);
+  }
+  const RunReview review = review_log(folder.file("log"));
+  CHECK_FALSE(estimator(review, "secure_smoothed").is_offline);
+  CHECK(estimator(review, "secure_smoothed").missing_steps == 4);
 }
 
 TEST_CASE("latency counts from the newest reading, on either side of the attacker") {

@@ -207,7 +207,8 @@ TEST_CASE("a fit of a log climbs and says what it found as a scenario would") {
   std::vector<LogFitRound> rounds;
   options.on_round = [&rounds](const LogFitRound& round) { rounds.push_back(round); };
   const LogFitRound last = fit_log(options);
-  REQUIRE(rounds.size() == 6);
+  REQUIRE(rounds.size() == 7);  // the guess, and six more
+  CHECK(last.round == 6);
   CHECK(!last.is_converged);
   CHECK(last.change >= options.tolerance);
   for (std::size_t i = 1; i < rounds.size(); ++i) {
@@ -235,6 +236,50 @@ TEST_CASE("a fit of a log climbs and says what it found as a scenario would") {
   CHECK(converged.round <= last.round);
   options.name = "gslr";
   CHECK_THROWS_AS(fit_log(options), UsageError);
+}
+
+TEST_CASE("what a fit cannot take from an estimator is left out, refused or named") {
+  const auto fit_with = [](const std::string& override) {
+    const Logs logs("turning_target", {"steps=200", "estimators.mixture." + override});
+    LogFitOptions options;
+    options.log_file = logs.run;
+    options.name = "mixture";
+    options.rounds_max = 2;
+    return fit_log(options);
+  };
+  // By one Gaussian that does not learn on the way, whatever the filter does.
+  const LogFitRound plain = fit_with("components_max=1");
+  for (const char* override : {"components_max=4", "learn_over_steps=100"}) {
+    const LogFitRound other = fit_with(override);
+    CHECK(other.round == 2);
+    CHECK(other.log_likelihood == plain.log_likelihood);
+    CHECK(other.statistics.bias_mean == plain.statistics.bias_mean);
+  }
+  CHECK_THROWS_AS(fit_with("assumes.changes=[{first_step: 100, attack_probability: 0.9}]"),
+                  UsageError);
+  AttackStatistics guess = plain.statistics;
+  CHECK(unmoved_beliefs(guess).empty());
+  guess.dos_probability = 0.0;
+  guess.bias_probability = 1.0;
+  CHECK(unmoved_beliefs(guess) == std::vector<std::string>{"dos_probability", "bias.probability"});
+}
+
+TEST_CASE("a fit bears biases that scatter little, or lie far away") {
+  for (const char* bias : {"{probability: 0.3, mean: [0.7, 0.9], std: 0}",
+                           "{probability: 0.3, mean: [5, 5], std: 1e-6}",
+                           "{probability: 0.3, mean: [1e5, 1e5], std: 0.01}"}) {
+    for (const char* seed : {"seed=1", "seed=3", "seed=4"}) {
+      const Logs logs("turning_target",
+                      {"steps=200", seed, std::string("estimators.mixture.assumes.bias=") + bias});
+      LogFitOptions options;
+      options.log_file = logs.run;
+      options.name = "mixture";
+      options.rounds_max = 4;
+      const Eigen::MatrixXd covariance = fit_log(options).statistics.bias_covariance;
+      CHECK(covariance == covariance.transpose());
+      CHECK(covariance.diagonal().minCoeff() >= 0.0);
+    }
+  }
 }
 
 }  // namespace holdfast
