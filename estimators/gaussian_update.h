@@ -18,14 +18,17 @@ struct Belief {
 
 /// What a belief on x says of h(x), before noise and attacks.
 ///
-/// Symbols: h [l] mean, Phh [l x l] covariance, Pxh [n x l] covariance with x, J [l x n] Jacobian.
+/// Symbols: h [l] mean, Phh [l x l] covariance, Pxh [n x l] covariance with x, J [l x n] Jacobian
+/// or statistical regression, P J' = Pxh; Phh - J Pxh [l x l] what no regression explains.
 template <int N, int L>
 struct Observation {
   Small<L> h;
   Small<L, L> Phh;
   Small<N, L> Pxh;
-  Small<L, N> J;  // where h is linear or linearised
+  Small<L, N> J;
   bool has_jacobian = false;
+  Small<L, L> unexplained;  // where h is not linear
+  bool has_unexplained = false;
 
   // Rows of y that did not arrive: they teach nothing and count in no density.
   int num_missing = 0;
@@ -40,6 +43,9 @@ struct Observation {
     Phh.col(row).setZero();
     Pxh.col(row).setZero();
     if (has_jacobian) J.row(row).setZero();
+    if (!has_unexplained) return;
+    unexplained.row(row).setZero();
+    unexplained.col(row).setZero();
   }
   /// All rows are there again; must be followed by a new observation.
   void expect_all() {
@@ -81,6 +87,7 @@ template <int N, int L>
   multiply(H, belief.mean, observation.h);
   observation.J = H;
   observation.has_jacobian = true;
+  observation.has_unexplained = false;
   multiply_transposed(belief.covariance, H, observation.Pxh);
   multiply_symmetric(H, observation.Pxh, observation.Phh);
 }
@@ -96,8 +103,8 @@ template <int N, int L>
 }
 
 /// Linear minimum-variance update of `prior` by y: gain K = c Pxh S^-1, mean m + K (y - E[y]).
-/// Covariance in Joseph form, (I - K c J) P (I - K c J)' + K Omega K', where a Jacobian is known,
-/// and P J' = Pxh then; else P - K S K'. The former is formed as W + (K Omega - W c J') K' with
+/// Covariance in Joseph form, (I - K c J) P (I - K c J)' + K V K', V = Omega + c^2 (Phh - J Pxh),
+/// where J is known; else P - K S K'. The former is formed as W + (K V - W c J') K' with
 /// W = (I - K c J) P, so that what rounding leaves in W is multiplied by I - K c J, too.
 template <int N, int L>
 class GaussianUpdate {
@@ -128,7 +135,12 @@ class GaussianUpdate {
       factor_.solve_right(gain_);
       add_product(prior.mean, gain_, innovation_, posterior.mean);
       subtract_transposed_product(prior.covariance, gain_, cross_, kept_);
-      multiply(gain_, reading.Omega, scaled_gain_);
+      if (observation.has_unexplained) {
+        noise_ = reading.Omega + reading.c * reading.c * observation.unexplained;
+        multiply(gain_, noise_, scaled_gain_);
+      } else {
+        multiply(gain_, reading.Omega, scaled_gain_);
+      }
       subtract_transposed_product(scaled_gain_, kept_, slope_, scaled_gain_);
       add_transposed_symmetric(kept_, scaled_gain_, gain_, posterior.covariance);
     } else {
@@ -170,7 +182,7 @@ class GaussianUpdate {
   SmallFactor<L> factor_;
   double log_density_factor_ = 0.0, num_rows_ = 0.0;
   Small<L> innovation_, forwarded_;  // nu, L^-1 nu
-  Small<L, L> masked_;
+  Small<L, L> masked_, noise_;
   Small<N, L> cross_, gain_, half_gain_, scaled_gain_;
   Small<L, N> slope_;
   Small<N, N> kept_;

@@ -3,6 +3,8 @@
 #include "common/models/system_model.h"
 #include "estimators/gaussian_update.h"
 #include "estimators/sigma_points.h"
+#include "estimators/small_factor.h"
+#include "estimators/small_product.h"
 
 namespace holdfast {
 
@@ -65,11 +67,22 @@ class SizedModel {
       model_.measure(x, a_, y_);
       return y_;
     };
-    observation.has_jacobian = false;
     spread<L>(belief, measure, observation.h, observation.Phh, observation.Pxh);
+    regress(belief, observation);
   }
 
  private:
+  // The linear part of what sigma points say, and what it leaves; none where P is not definite.
+  void regress(const Belief<N>& belief, Observation<N, L>& observation) {
+    observation.has_jacobian = factor_.factorise(belief.covariance);
+    observation.has_unexplained = observation.has_jacobian;
+    if (!observation.has_jacobian) return;
+    observation.J = observation.Pxh.transpose();
+    factor_.solve_right(observation.J);
+    multiply_symmetric(observation.J, observation.Pxh, observation.unexplained);
+    observation.unexplained = observation.Phh - observation.unexplained;
+  }
+
   // Mean and covariance of function(x), and its covariance with x, by sigma points.
   template <int M, class Function>
   void spread(const Belief<N>& belief, const Function& function, Small<M>& mean,
@@ -101,6 +114,7 @@ class SizedModel {
   Small<N, N> F_, Q_;
   Small<L, N> H_;
   Small<L, L> R_;
+  SmallFactor<N> factor_;
   Eigen::VectorXd x_, a_, next_, y_;
   Eigen::MatrixXd moved_, measured_;
   std::vector<Eigen::VectorXd> values_;

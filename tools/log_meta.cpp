@@ -23,6 +23,11 @@ std::shared_ptr<const Experiment> experiment_of(const std::string& scenario) {
   }
 }
 
+void check_size(const LoggedMeta& logged, const std::string& place) {
+  if (logged.meta.scenario.size() > kScenarioBytesMax)
+    throw UsageError(place + ": the scenario in its RUN_META is longer than 256 kB");
+}
+
 }  // namespace
 
 LoggedMeta read_logged_meta(const std::string& log_file) {
@@ -41,13 +46,13 @@ LoggedMeta read_logged_meta(const std::string& log_file) {
 
 LoggedExperiment read_logged_experiment(const std::string& log_file) {
   const LoggedMeta logged = read_logged_meta(log_file);
+  check_size(logged, log_file);
   if (logged.is_damaged) throw UsageError(log_file + ": the scenario in its RUN_META is damaged");
   return {logged.meta, experiment_from_text(logged.meta.scenario, log_file + " (RUN_META)")};
 }
 
 ScenarioFacts facts_of(const LoggedMeta& logged, const std::string& place) {
-  if (logged.meta.scenario.size() > kScenarioBytesMax)
-    throw UsageError(place + ": the scenario in its RUN_META is longer than 256 kB");
+  check_size(logged, place);
   try {
     ScenarioFacts facts = read_scenario_facts(logged.meta.scenario, place);
     facts.experiment = experiment_of(logged.meta.scenario);

@@ -98,4 +98,38 @@ TEMPLATE_TEST_CASE(
   }
 }
 
+TEMPLATE_TEST_CASE("what a regression leaves unexplained counts as noise of the reading", "",
+                   (UpdateSize<4, 2>), (UpdateSize<12, 12>),
+                   (UpdateSize<Eigen::Dynamic, Eigen::Dynamic>)) {
+  constexpr int N = TestType::kStates, L = TestType::kReadings;
+  for (std::uint32_t number = 0; number < 20; ++number) {
+    VaguePrior prior(N == Eigen::Dynamic ? 5 : N, L == Eigen::Dynamic ? 3 : L, number);
+    prior.P *= 1e-8;  // not vague, so that both forms are exact but for a few roundings
+    const auto l = prior.R.rows();
+    const Belief<N> belief{Small<N>::Zero(prior.P.rows()), prior.P};
+    Observation<N, L> observation;
+    observe_linear<N, L>(prior.H, belief, observation);
+    observation.has_unexplained = true;
+    observation.unexplained = prior.H.leftCols(2) * prior.H.leftCols(2).transpose();
+    observation.Phh += observation.unexplained;
+    if (number % 2 == 1) observation.leave_out(number % l);
+    ReadingBelief<L> reading;
+    reading.c = 0.7;
+    reading.mean = reading.c * observation.h;
+    reading.Omega = prior.R;
+    reading.S = 0.49 * observation.Phh + prior.R;
+
+    GaussianUpdate<N, L> update;
+    Belief<N> joseph, plain;
+    const Small<L> y = Small<L>::Ones(l);
+    REQUIRE(update.weigh(observation, reading, y).is_definite);
+    update.apply(belief, observation, reading, joseph);
+    observation.has_jacobian = false;
+    update.apply(belief, observation, reading, plain);
+    const double size = prior.P.cwiseAbs().maxCoeff();
+    CHECK((joseph.covariance - plain.covariance).cwiseAbs().maxCoeff() < 1e-11 * size);
+    CHECK((joseph.mean - plain.mean).cwiseAbs().maxCoeff() < 1e-11 * size);
+  }
+}
+
 }  // namespace holdfast
