@@ -7,6 +7,7 @@
 #include <set>
 
 #include "common/name_list.h"
+#include "common/run_meta.h"
 #include "drivers/can/can_bus.h"
 #include "tools/monitor_filter.h"
 
@@ -339,11 +340,14 @@ std::unique_ptr<RadioChannel> Experiment::make_radio_channel(std::uint32_t run) 
 }
 
 Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides) {
-  return read_experiment(ConfigurationDocument::from_file(file, overrides),
-                         std::filesystem::path(file).parent_path().string());
+  Experiment experiment = read_experiment(ConfigurationDocument::from_file(file, overrides),
+                                          std::filesystem::path(file).parent_path().string());
+  check_scenario_size(experiment.resolved, file);
+  return experiment;
 }
 
 Experiment experiment_from_text(const std::string& text, const std::string& place) {
+  check_scenario_size(text, place);
   return read_experiment(ConfigurationDocument::from_text(text, place), "");
 }
 

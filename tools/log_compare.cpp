@@ -86,6 +86,7 @@ struct LogMessages {
   using BySteps = std::map<std::int64_t, std::vector<std::vector<std::uint8_t>>>;
   std::map<std::string, BySteps> channels;
   std::map<std::string, std::int64_t> refused;
+  bool has_scenario = false;
   std::set<std::string> campaign_only;  // channels that a live run of this scenario cannot have
 };
 
@@ -111,7 +112,7 @@ class LogComparison {
     LogReader reader(file);
     LogEvent event;
     while (reader.next(event)) {
-      if (event.channel == "RUN_META" && log.campaign_only.empty()) note_scenario(event.data, log);
+      if (event.channel == "RUN_META" && !log.has_scenario) note_scenario(event.data, log);
       if (is_left_out(event.channel) || !std::regex_match(event.channel, wanted)) continue;
       const ChannelType type = channel_type(event.channel);
       if (type.layout == nullptr) {
@@ -164,6 +165,7 @@ class LogComparison {
   static void note_scenario(Bytes bytes, LogMessages& log) {
     run_meta_t meta;
     if (!decode_guarded(bytes, meta)) return;
+    log.has_scenario = true;
     for (const std::string& channel : campaign_only_channels(meta.scenario))
       log.campaign_only.insert(channel);
   }

@@ -11,9 +11,6 @@
 namespace holdfast {
 namespace {
 
-// A parsed scenario takes some 250 times the memory of its text.
-constexpr std::size_t kScenarioBytesMax = 1 << 18;
-
 // Null for what an outsider or another version wrote: a review does with less.
 std::shared_ptr<const Experiment> experiment_of(const std::string& scenario) {
   try {
@@ -21,11 +18,6 @@ std::shared_ptr<const Experiment> experiment_of(const std::string& scenario) {
   } catch (const std::exception&) {
     return nullptr;
   }
-}
-
-void check_size(const LoggedMeta& logged, const std::string& place) {
-  if (logged.meta.scenario.size() > kScenarioBytesMax)
-    throw UsageError(place + ": the scenario in its RUN_META is longer than 256 kB");
 }
 
 }  // namespace
@@ -46,13 +38,12 @@ LoggedMeta read_logged_meta(const std::string& log_file) {
 
 LoggedExperiment read_logged_experiment(const std::string& log_file) {
   const LoggedMeta logged = read_logged_meta(log_file);
-  check_size(logged, log_file);
   if (logged.is_damaged) throw UsageError(log_file + ": the scenario in its RUN_META is damaged");
   return {logged.meta, experiment_from_text(logged.meta.scenario, log_file + " (RUN_META)")};
 }
 
 ScenarioFacts facts_of(const LoggedMeta& logged, const std::string& place) {
-  check_size(logged, place);
+  check_scenario_size(logged.meta.scenario, place);
   try {
     ScenarioFacts facts = read_scenario_facts(logged.meta.scenario, place);
     facts.experiment = experiment_of(logged.meta.scenario);

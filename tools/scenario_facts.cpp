@@ -121,6 +121,7 @@ std::string state_label(const ScenarioFacts& facts, int state) {
 }
 
 ScenarioFacts read_scenario_facts(const std::string& yaml, const std::string& place) {
+  check_scenario_size(yaml, place);
   try {
     return read_facts(yaml);
   } catch (const YAML::Exception& error) {
@@ -131,6 +132,7 @@ ScenarioFacts read_scenario_facts(const std::string& yaml, const std::string& pl
 
 std::vector<std::string> campaign_only_channels(const std::string& scenario) {
   std::vector<std::string> channels;
+  if (scenario.size() > kScenarioBytesMax) return channels;
   try {
     for (const ListedEstimator& listed : read_facts(scenario).estimators) {
       if (!listed.is_campaign_only) continue;

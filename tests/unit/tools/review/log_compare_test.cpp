@@ -5,9 +5,12 @@
 #include <limits>
 #include <regex>
 
+#include "common/run_meta.h"
 #include "tests/support/catch.h"
 #include "tests/unit/tools/review/review_logs.h"
+#include "tools/experiment.h"
 #include "tools/log_fields.h"
+#include "tools/scenario_facts.h"
 
 namespace holdfast {
 namespace {
@@ -147,6 +150,35 @@ TEST_CASE("an estimator that only a campaign can have may be missing, no other m
     CHECK(result.is_equal == (std::string(channel) == "EST_UNCORRUPTED"));
     CHECK(result.text().find(std::string(channel) + " stands only in B") != std::string::npos);
   }
+}
+
+TEST_CASE("what smoothing would give is named as that where it is missing") {
+  const TemporaryFolder folder;
+  write_run(folder.file("live"), no_change);
+  {
+    LogWriter log(folder.file("smoothed"));
+    LogReader reader(folder.file("live"));
+    LogEvent event;
+    while (reader.next(event)) log.write(event.channel, event.utime, event.data);
+    write_estimate(log, "SMOOTHED_A", 1, {1.0});
+  }
+  CompareOptions options;
+  options.channels = ".*";
+  const CompareResult result = compare_logs(folder.file("live"), folder.file("smoothed"), options);
+  CHECK_FALSE(result.is_equal);
+  CHECK(result.text().find("SMOOTHED_A stands only in B; holdfast-smoother makes it of a log") !=
+        std::string::npos);
+}
+
+TEST_CASE("a scenario that is longer than a log may carry is not parsed") {
+  const std::string padding = "#" + std::string(kScenarioBytesMax, ' ') + "\n";
+  CHECK(campaign_only_channels(kScenario).size() == 2);
+  CHECK(campaign_only_channels(padding + kScenario).empty());
+  CHECK_NOTHROW(read_scenario_facts(kScenario, "here"));
+  CHECK_THROWS_WITH(read_scenario_facts(padding + kScenario, "here"),
+                    Catch::StartsWith("here: the resolved scenario is longer than 256 kB"));
+  CHECK_THROWS_WITH(experiment_from_text(padding, "there"),
+                    Catch::StartsWith("there: the resolved"));
 }
 
 TEST_CASE("steps that stand twice are told") {
