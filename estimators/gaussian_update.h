@@ -34,7 +34,7 @@ struct Observation {
   int num_missing = 0;
   std::array<bool, small_bound(L)> is_missing{};
 
-  /// Takes a row out of h, Phh, Pxh and J.
+  /// Takes a row out of h, Phh, Pxh, J and what is unexplained.
   void leave_out(Eigen::Index row) {
     ++num_missing;
     is_missing[static_cast<std::size_t>(row)] = true;

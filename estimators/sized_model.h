@@ -1,10 +1,12 @@
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include "common/models/system_model.h"
 #include "estimators/gaussian_update.h"
 #include "estimators/sigma_points.h"
 #include "estimators/small_factor.h"
-#include "estimators/small_product.h"
 
 namespace holdfast {
 
@@ -73,14 +75,23 @@ class SizedModel {
 
  private:
   // The linear part of what sigma points say, and what it leaves; none where P is not definite.
+  // Summed from what each point leaves, which is no difference of large numbers, and has no
+  // negative eigenvalue.
   void regress(const Belief<N>& belief, Observation<N, L>& observation) {
     observation.has_jacobian = factor_.factorise(belief.covariance);
     observation.has_unexplained = observation.has_jacobian;
     if (!observation.has_jacobian) return;
     observation.J = observation.Pxh.transpose();
     factor_.solve_right(observation.J);
-    multiply_symmetric(observation.J, observation.Pxh, observation.unexplained);
-    observation.unexplained = observation.Phh - observation.unexplained;
+    const auto n = belief.mean.size();
+    observation.unexplained.setZero(observation.h.size(), observation.h.size());
+    for (int i = 0; i < points_.count(); ++i) {
+      const Small<N> from_mean = Eigen::Map<const Small<N>>(points_.point(i), n) - belief.mean;
+      const Small<L> left = values_[static_cast<std::size_t>(i)] - observation.h -
+                            observation.J.lazyProduct(from_mean);
+      observation.unexplained.noalias() += (points_.covariance_weight(i) * left) * left.transpose();
+    }
+    symmetrise_small(observation.unexplained);
   }
 
   // Mean and covariance of function(x), and its covariance with x, by sigma points.

@@ -9,7 +9,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "common/models/system_model.h"
 #include "common/random_stream.h"
+#include "estimators/sized_model.h"
 #include "tests/support/catch.h"
 
 namespace holdfast {
@@ -96,6 +98,40 @@ TEMPLATE_TEST_CASE(
     CHECK(median(ours) < 1e-12);
     CHECK(median(short_form) > 1e4 * median(ours));
   }
+}
+
+TEST_CASE("sigma points do not bring the rounding of a vague prior back") {
+  std::vector<double> ours, short_form;
+  for (std::uint32_t number = 0; number < 51; ++number) {
+    const VaguePrior prior(4, 4, number);
+    SystemModel model;
+    model.A = model.Q = Eigen::MatrixXd::Identity(4, 4);
+    model.C = prior.H;
+    model.G = model.H = Eigen::MatrixXd::Zero(4, 0);
+    model.R = prior.R;
+    model.measurement = [&prior](const Eigen::VectorXd& x, const Eigen::VectorXd& /*a*/,
+                                 Eigen::VectorXd& y) { y.noalias() = prior.H * x; };
+    SizedModel<4, 4> sized(model, Linearisation::kUnscented);
+    const Belief<4> belief{Small<4>::Zero(), prior.P};
+    Observation<4, 4> observation;
+    sized.observe(belief, observation);
+    // Linear, so nothing is left; and never a negative variance.
+    CHECK(observation.unexplained.diagonal().minCoeff() >= 0.0);
+    CHECK(observation.unexplained.maxCoeff() < 1e-12);
+    ReadingBelief<4> reading;
+    believe_reading<4, 4>(observation, prior.R, reading);
+    GaussianUpdate<4, 4> update;
+    Belief<4> posterior;
+    REQUIRE(update.weigh(observation, reading, Small<4>::Zero()).is_definite);
+    for (const bool has_jacobian : {true, false}) {
+      observation.has_jacobian = has_jacobian;
+      update.apply(belief, observation, reading, posterior);
+      (has_jacobian ? ours : short_form).push_back(prior.error_of(posterior.covariance));
+    }
+  }
+  CAPTURE(1e15 * median(ours), 1e15 * median(short_form));
+  CHECK(median(ours) < 1e-12);
+  CHECK(median(short_form) > 1e4 * median(ours));
 }
 
 TEMPLATE_TEST_CASE("what a regression leaves unexplained counts as noise of the reading", "",
