@@ -8,8 +8,8 @@
 namespace holdfast {
 namespace {
 
-double ratio(double part, double whole, double fallback) {
-  return whole > 0.0 ? std::clamp(part / whole, 0.0, 1.0) : fallback;
+void set_ratio(double part, double whole, double& probability) {
+  if (whole > 0.0) probability = std::clamp(part / whole, 0.0, 1.0);
 }
 
 }  // namespace
@@ -81,23 +81,20 @@ void AttackFit::add_scale(double weight, double mean, double variance) {
   scale_scatter_ += weight * variance + weight * earlier / scale_weight_ * apart * apart;
 }
 
-AttackStatistics AttackFit::maximise(const AttackStatistics& current) const {
-  AttackStatistics fitted = current;
-  fitted.attack_probability = ratio(num_attacked_, num_readings_, current.attack_probability);
-  fitted.dos_probability =
-      ratio(num_attacked_ - num_falsified_, num_attacked_, current.dos_probability);
-  fitted.bias_probability = ratio(num_biased_, num_falsified_, current.bias_probability);
-  fitted.scale_probability = ratio(num_scaled_, num_falsified_, current.scale_probability);
+void AttackFit::maximise(AttackStatistics& statistics) const {
+  set_ratio(num_attacked_, num_readings_, statistics.attack_probability);
+  set_ratio(num_attacked_ - num_falsified_, num_attacked_, statistics.dos_probability);
+  set_ratio(num_biased_, num_falsified_, statistics.bias_probability);
+  set_ratio(num_scaled_, num_falsified_, statistics.scale_probability);
   if (bias_weight_ > 0.0) {
-    fitted.bias_mean = bias_mean_;
-    fitted.bias_covariance = bias_scatter_ / bias_weight_;
-    symmetrise_small(fitted.bias_covariance);
+    statistics.bias_mean = bias_mean_;
+    statistics.bias_covariance = bias_scatter_ / bias_weight_;
+    symmetrise_small(statistics.bias_covariance);
   }
   if (scale_weight_ > 0.0) {
-    fitted.scale_mean = scale_mean_;
-    fitted.scale_std = std::sqrt(std::max(0.0, scale_scatter_ / scale_weight_));
+    statistics.scale_mean = scale_mean_;
+    statistics.scale_std = std::sqrt(std::max(0.0, scale_scatter_ / scale_weight_));
   }
-  return fitted;
 }
 
 }  // namespace holdfast

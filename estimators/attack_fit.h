@@ -57,8 +57,8 @@ class AttackFit {
 
   /// Readings that count.
   double num_readings() const { return num_readings_; }
-  /// The likeliest statistics; `current` where no reading says anything.
-  AttackStatistics maximise(const AttackStatistics& current) const;
+  /// Sets the likeliest statistics, but where no reading says anything. Allocates nothing.
+  void maximise(AttackStatistics& statistics) const;
 
  private:
   void add_counts(const AttackStatistics& statistics,

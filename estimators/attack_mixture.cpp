@@ -136,7 +136,7 @@ class AttackMixtureMethod {
 
   // Recursive expectation-maximisation: old readings fade, the first guess counts as some.
   void learn() {
-    learning_->statistics = learning_->fit.maximise(learning_->statistics);
+    learning_->fit.maximise(learning_->statistics);
     learning_->fit.forget(1.0 - 1.0 / learn_over_steps_);
     of_state_.now().believe(learning_->statistics);
     of_reading_.now().believe(learning_->statistics);
@@ -171,6 +171,14 @@ std::unique_ptr<VectorKernel> make_mixture_kernel(const SystemModel& model,
       [&]<int N, int L>() {
         return AttackMixtureMethod<N, L>(options, model.num_measurements(), learning);
       });
+}
+
+// The same options with beliefs that stay.
+AttackMixtureOptions constant(AttackMixtureOptions options, const AttackStatistics& statistics) {
+  options.learn_over_steps = 0.0;
+  options.assumes.periods.resize(1);
+  options.assumes.periods.front().set(statistics);
+  return options;
 }
 
 }  // namespace
@@ -209,19 +217,13 @@ AttackMixture::AttackMixture(const SystemModel& model, const AttackMixtureOption
       learning_(std::move(learning)) {}
 
 std::unique_ptr<AttackMixture> AttackMixture::renewed(const AttackStatistics& statistics) const {
-  AttackMixtureOptions options = options_;
-  options.assumes.periods.resize(1);
-  options.assumes.periods.front().set(statistics);
-  return std::make_unique<AttackMixture>(model_, options, rows_);
+  return std::make_unique<AttackMixture>(model_, constant(options_, statistics), rows_);
 }
 
 std::unique_ptr<AttackMixture> AttackMixture::renewed_for_fit(
     const AttackStatistics& statistics) const {
-  AttackMixtureOptions options = options_;
+  AttackMixtureOptions options = constant(options_, statistics);
   options.components_max = 1;
-  options.learn_over_steps = 0.0;
-  options.assumes.periods.resize(1);
-  options.assumes.periods.front().set(statistics);
   auto filter = std::make_unique<AttackMixture>(model_, options, rows_);
   filter->prepare_fit();
   return filter;

@@ -51,12 +51,16 @@ class AttackMixture : public VectorFilter {
   /// say of the attacks. After smooth() of a linear model with several passes by all readings that
   /// it remembers, else each reading in the light of the earlier ones. Precondition: does not
   /// learn.
-  AttackStatistics fit() const { return learning_->fit.maximise(learning_->statistics); }
+  AttackStatistics fit() const {
+    AttackStatistics fitted = learning_->statistics;
+    learning_->fit.maximise(fitted);
+    return fitted;
+  }
   /// Its beliefs change with time (`assumes.changes`), so that no one block can say them.
   bool believes_in_changes() const { return options_.assumes.periods.size() > 1; }
-  /// The same filter before its first step, with other beliefs for all steps.
+  /// The same filter before its first step, with other beliefs, which stay: it does not learn.
   std::unique_ptr<AttackMixture> renewed(const AttackStatistics& statistics) const;
-  /// The same, with one Gaussian and without learning on the way, ready for fit().
+  /// That with one Gaussian, prepared for fit().
   std::unique_ptr<AttackMixture> renewed_for_fit(const AttackStatistics& statistics) const;
 
  private:

@@ -53,6 +53,29 @@ TEST_CASE("a fixed lag allocates nothing once its window is full") {
   }
 }
 
+TEST_CASE("a mixture that learns, and one of sigma points, allocate nothing") {
+  const SystemModel position = make_turning_target_model(TurningTargetOptions());
+  TurningTargetOptions of_radar;
+  of_radar.sensor = TurningTargetOptions::Sensor::kRadar;
+  AttackMixtureOptions learns, unscented;
+  learns.learn_over_steps = 20.0;
+  unscented.linearisation = Linearisation::kUnscented;
+  unscented.start.mean = {200.0, 200.0, 15.0, 15.0};
+  AttackMixture learning(position, learns, {{0, 1}});
+  AttackMixture sigma_points(make_turning_target_model(of_radar), unscented, {{0, 1}});
+  for (AttackMixture* filter : {&learning, &sigma_points}) {
+    MeasurementSet set = empty_set(1);
+    add_packet(set, 0, {200.0, 0.7});
+    for (std::int64_t k = 1; k < 4; ++k) filter->step(k, set, kNoInput);
+    const double believed = filter->statistics().attack_probability;
+    const std::int64_t before = allocation_count();
+    for (std::int64_t k = 4; k < 20; ++k) filter->step(k, set, kNoInput);
+    const std::int64_t after = allocation_count();
+    CHECK(after == before);
+    CHECK((filter->statistics().attack_probability != believed) == (filter == &learning));
+  }
+}
+
 TEST_CASE("filters in lanes allocate nothing") {
   const Gaussian start{Eigen::Vector4d::Zero(), Eigen::Matrix4d::Identity()};
   KalmanLanes<4, 2> lanes(make_turning_target_model(TurningTargetOptions()), start, 7);
