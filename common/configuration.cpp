@@ -13,6 +13,13 @@
 
 namespace holdfast {
 
+std::string shortest_text(double value) {
+  if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
+  std::array<char, 32> buffer;
+  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
+  return {buffer.data(), end};
+}
+
 struct ConfigurationMap::Shared {
   std::string file_name;
   YAML::Node document;
@@ -69,18 +76,10 @@ struct ConfigurationMap::Shared {
 
 namespace {
 
-// The shortest text that reads back as the same number.
-std::string text_of(double value) {
-  if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-  std::array<char, 32> buffer;
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
-  return {buffer.data(), end};
-}
-
 YAML::Node list_of(const std::vector<double>& values) {
   YAML::Node node(YAML::NodeType::Sequence);
   node.SetStyle(YAML::EmitterStyle::Flow);
-  for (const double value : values) node.push_back(text_of(value));
+  for (const double value : values) node.push_back(shortest_text(value));
   return node;
 }
 
@@ -190,7 +189,7 @@ bool ConfigurationMap::number(const YAML::Node& node, std::string_view key, doub
 void ConfigurationMap::read(std::string_view key, double& value, Interval allowed) {
   const YAML::Node node = take(key);
   if (node.IsDefined()) number(node, key, value, allowed);
-  resolved_[std::string(key)] = text_of(value);
+  resolved_[std::string(key)] = shortest_text(value);
 }
 
 void ConfigurationMap::read(std::string_view key, std::int64_t& value, Interval allowed) {

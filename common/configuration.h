@@ -36,6 +36,9 @@ inline constexpr Interval kPositive{0.0, std::numeric_limits<double>::infinity()
 inline constexpr Interval kNonNegative{0.0};
 inline constexpr Interval kProbability{0.0, 1.0};
 
+/// The shortest text that YAML reads back as the same number, which is not NaN.
+std::string shortest_text(double value);
+
 class ConfigurationDocument;
 
 /// One map of a configuration file, read key by key.

@@ -19,14 +19,16 @@ std::string default_out(const std::string& log) {
 }
 
 void show_progress(std::int64_t step, std::int64_t num_steps) {
-  if (step % 1000 == 0) std::cerr << "\rstep " << step << " of " << num_steps << std::flush;
+  if (step % 1000 == 0) std::cerr << "step " << step << " of " << num_steps << '\r' << std::flush;
 }
 
 void show_round(const LogFitRound& round) {
   if (round.round == 0) {
     for (const std::string& belief : unmoved_beliefs(round.statistics)) {
-      std::cerr << "holdfast-smoother: " << belief
-                << " is 0 or 1 in the scenario, which no fit moves; start from another guess\n";
+      std::cerr
+          << "holdfast-smoother: " << belief
+          << ": stays as the scenario guesses, whatever the log says (docs/gslr.md); start from "
+             "another guess\n";
     }
     std::printf("%5s %16s %8s %8s %8s %8s %10s %9s %9s\n", "round", "log-likelihood", "attack",
                 "dos", "bias", "scale", "scale mean", "scale std", "change");
@@ -62,7 +64,6 @@ int smooth(LogSmootherOptions& options, LogFitOptions& fitted) {
   const bool is_terminal = isatty(STDERR_FILENO) != 0;
   if (is_terminal) options.on_progress = show_progress;
   const std::int64_t count = smooth_log(options);
-  if (is_terminal) std::cerr << "\r";
   std::cout << count << " smoothed estimates in " << options.out_file << "\n";
   return 0;
 }

@@ -4,12 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <holdfast/measurement_set_t.hpp>
 #include <utility>
 #include <vector>
 
+#include "common/configuration.h"
 #include "common/log_file.h"
-#include "common/measurement_messages.h"
 #include "estimators/attack_mixture.h"
 #include "estimators/estimator_session.h"
 #include "tools/experiment.h"
@@ -18,20 +17,6 @@
 
 namespace holdfast {
 namespace {
-
-std::vector<MeasurementSet> read_sets(const std::string& log_file) {
-  LogReader reader(log_file);
-  LogEvent event;
-  measurement_set_t message;
-  std::vector<MeasurementSet> sets;
-  while (reader.next(event)) {
-    if (event.channel != "MEASUREMENT" || !decode_guarded(event.data, message)) continue;
-    from_message(message, sets.emplace_back());
-  }
-  warn_of_damage("holdfast-smoother", log_file, reader);
-  if (sets.empty()) throw UsageError(log_file + ": holds no measurement set");
-  return sets;
-}
 
 std::vector<double> parameters_of(const AttackStatistics& statistics) {
   std::vector<double> parameters = {statistics.attack_probability, statistics.dos_probability,
@@ -71,7 +56,10 @@ LogFitRound fit_log(const LogFitOptions& options) {
                      "' assumes changes with time (assumes.changes), and a fit gives one block for "
                      "the whole log");
   }
-  const std::vector<MeasurementSet> sets = read_sets(options.log_file);
+  std::vector<MeasurementSet> sets;
+  for_each_set("", options.log_file, [&sets](const MeasurementSet& set, const LogEvent& /*event*/) {
+    sets.push_back(set);
+  });
   LogFitRound round;
   AttackStatistics next = first.statistics();
   for (;; ++round.round) {
@@ -91,39 +79,51 @@ LogFitRound fit_log(const LogFitOptions& options) {
   }
 }
 
-std::vector<std::string> unmoved_beliefs(const AttackStatistics& statistics) {
-  const std::pair<const char*, double> all[] = {
-      {"attack_probability", statistics.attack_probability},
-      {"dos_probability", statistics.dos_probability},
-      {"bias.probability", statistics.bias_probability},
-      {"scale.probability", statistics.scale_probability}};
-  std::vector<std::string> names;
-  for (const auto& [name, probability] : all) {
-    if (probability <= 0.0 || probability >= 1.0) names.emplace_back(name);
-  }
-  return names;
+std::vector<std::string> unmoved_beliefs(const AttackStatistics& guess) {
+  const auto is_certain = [](double probability) {
+    return probability <= 0.0 || probability >= 1.0;
+  };
+  // Nothing is ever biased or scaled, so that nothing is learnt of it either.
+  const bool never_falsified = guess.attack_probability <= 0.0 || guess.dos_probability >= 1.0;
+  const bool never_biased = never_falsified || guess.bias_probability <= 0.0;
+  const bool never_scaled = never_falsified || guess.scale_probability <= 0.0;
+  std::vector<std::string> keys;
+  const auto add = [&keys](bool is_unmoved, const char* key) {
+    if (is_unmoved) keys.emplace_back(key);
+  };
+  add(is_certain(guess.attack_probability), "attack_probability");
+  add(is_certain(guess.dos_probability) || guess.attack_probability <= 0.0, "dos_probability");
+  add(never_falsified || is_certain(guess.bias_probability), "bias.probability");
+  add(never_biased || guess.bias_covariance.isZero(0.0), "bias.mean and .covariance");
+  add(never_falsified || is_certain(guess.scale_probability), "scale.probability");
+  add(never_scaled || guess.scale_std <= 0.0, "scale.mean and .std");
+  return keys;
 }
 
 std::string assumes_text(const AttackStatistics& statistics) {
   YAML::Emitter out;
-  const auto rows = [](const Eigen::MatrixXd& matrix) {
-    std::vector<std::vector<double>> all;
-    for (const auto& row : matrix.rowwise()) all.emplace_back(row.begin(), row.end());
+  const auto texts = [](const auto& values) {
+    std::vector<std::string> all;
+    for (const double value : values) all.push_back(shortest_text(value));
     return all;
   };
-  out.SetDoublePrecision(6);
+  const auto rows = [&texts](const Eigen::MatrixXd& matrix) {
+    std::vector<std::vector<std::string>> all;
+    for (const auto& row : matrix.rowwise()) all.push_back(texts(row));
+    return all;
+  };
   out << YAML::Flow << YAML::BeginMap;
-  out << YAML::Key << "attack_probability" << YAML::Value << statistics.attack_probability;
-  out << YAML::Key << "dos_probability" << YAML::Value << statistics.dos_probability;
+  out << YAML::Key << "attack_probability" << YAML::Value
+      << shortest_text(statistics.attack_probability);
+  out << YAML::Key << "dos_probability" << YAML::Value << shortest_text(statistics.dos_probability);
   out << YAML::Key << "bias" << YAML::Value << YAML::BeginMap;
-  out << YAML::Key << "probability" << YAML::Value << statistics.bias_probability;
-  out << YAML::Key << "mean" << YAML::Value
-      << std::vector<double>(statistics.bias_mean.begin(), statistics.bias_mean.end());
+  out << YAML::Key << "probability" << YAML::Value << shortest_text(statistics.bias_probability);
+  out << YAML::Key << "mean" << YAML::Value << texts(statistics.bias_mean);
   out << YAML::Key << "covariance" << YAML::Value << rows(statistics.bias_covariance);
   out << YAML::EndMap << YAML::Key << "scale" << YAML::Value << YAML::BeginMap;
-  out << YAML::Key << "probability" << YAML::Value << statistics.scale_probability;
-  out << YAML::Key << "mean" << YAML::Value << statistics.scale_mean;
-  out << YAML::Key << "std" << YAML::Value << statistics.scale_std;
+  out << YAML::Key << "probability" << YAML::Value << shortest_text(statistics.scale_probability);
+  out << YAML::Key << "mean" << YAML::Value << shortest_text(statistics.scale_mean);
+  out << YAML::Key << "std" << YAML::Value << shortest_text(statistics.scale_std);
   out << YAML::EndMap << YAML::EndMap;
   return std::string("assumes: ") + out.c_str() + "\n";
 }

@@ -35,10 +35,11 @@ struct LogFitOptions {
 /// whose beliefs change with time.
 LogFitRound fit_log(const LogFitOptions& options);
 
-/// Probabilities of a guess, by their keys, that no fit moves since they are 0 or 1.
+/// Keys of what no fit moves: probabilities of 0 or 1, what they leave no reading for, and means
+/// that are believed to be exact.
 std::vector<std::string> unmoved_beliefs(const AttackStatistics& guess);
 
-/// The block `assumes` of a scenario that says these statistics.
+/// The block `assumes` of a scenario that says exactly these statistics.
 std::string assumes_text(const AttackStatistics& statistics);
 
 }  // namespace holdfast

@@ -36,14 +36,35 @@ void check_new_log(const std::string& log_file, const std::string& out_file) {
   }
 }
 
-void warn_of_damage(const std::string& program, const std::string& log_file,
-                    const LogReader& reader) {
-  if (reader.damaged_bytes() > 0) {
-    std::cerr << program << ": " << log_file << ": " << reader.damaged_bytes()
-              << " damaged bytes were skipped" << std::endl;
+void for_each_set(const std::string& program, const std::string& log_file,
+                  const std::function<void(const MeasurementSet&, const LogEvent&)>& on_set) {
+  LogReader reader(log_file);
+  LogEvent event;
+  measurement_set_t message;
+  MeasurementSet set;
+  std::int64_t num_sets = 0, num_refused = 0;
+  while (reader.next(event)) {
+    if (event.channel != "MEASUREMENT") continue;
+    if (!decode_guarded(event.data, message)) {
+      ++num_refused;
+      continue;
+    }
+    ++num_sets;
+    from_message(message, set);
+    on_set(set, event);
   }
-  if (reader.tail_is_torn())
-    std::cerr << program << ": " << log_file << ": ends in the middle of an event" << std::endl;
+  if (!program.empty()) {
+    const std::string place = program + ": " + log_file + ": ";
+    if (reader.damaged_bytes() > 0) {
+      std::cerr << place << reader.damaged_bytes() << " damaged bytes were skipped" << std::endl;
+    }
+    if (reader.tail_is_torn()) std::cerr << place << "ends in the middle of an event" << std::endl;
+    if (num_refused > 0) {
+      std::cerr << place << num_refused << " messages on MEASUREMENT are damaged and were skipped"
+                << std::endl;
+    }
+  }
+  if (num_sets == 0) throw UsageError(log_file + ": holds no measurement set");
 }
 
 void warn_of_kernel(const std::string& program, const Experiment& experiment, const RunMeta& meta) {
@@ -72,36 +93,27 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
   if (replayed.empty())
     throw UsageError(log_file + ": its scenario has no estimator that could be run again");
 
-  LogReader reader(log_file);
   LogWriter writer(out_file, LogWriter::Appears::kWhenFinished);
   run_meta_t meta_message = to_message(meta);
   writer.write_message("RUN_META", 0, meta_message);
-  LogEvent event;
-  measurement_set_t message;
   estimate_t out;
-  MeasurementSet set;
-  std::int64_t num_sets = 0;
-  while (reader.next(event)) {
-    if (event.channel != "MEASUREMENT" || !decode_guarded(event.data, message)) continue;
-    ++num_sets;
-    writer.write(event.channel, message.utime, event.data);
-    from_message(message, set);
-    for (Replayed& one : replayed) {
-      const auto write = [&](const std::string& channel, const Estimate& estimate) {
-        to_message(estimate, out);
-        writer.write_message(channel, estimate.utime, out);
-      };
-      one.session.on_set(set, [&](const Estimate& estimate) {
-        write(one.channel, estimate);
-        if (!one.smoothed) return;
-        const auto write_smoothed = [&](const Estimate& e) { write(one.smoothed_channel, e); };
-        one.smoothed->on_step(write_smoothed);
-        if (one.session.is_finished()) one.smoothed->finish(write_smoothed);
+  for_each_set(
+      "holdfast-estimator", log_file, [&](const MeasurementSet& set, const LogEvent& event) {
+        writer.write(event.channel, set.utime, event.data);
+        for (Replayed& one : replayed) {
+          const auto write = [&](const std::string& channel, const Estimate& estimate) {
+            to_message(estimate, out);
+            writer.write_message(channel, estimate.utime, out);
+          };
+          one.session.on_set(set, [&](const Estimate& estimate) {
+            write(one.channel, estimate);
+            if (!one.smoothed) return;
+            const auto write_smoothed = [&](const Estimate& e) { write(one.smoothed_channel, e); };
+            one.smoothed->on_step(write_smoothed);
+            if (one.session.is_finished()) one.smoothed->finish(write_smoothed);
+          });
+        }
       });
-    }
-  }
-  warn_of_damage("holdfast-estimator", log_file, reader);
-  if (num_sets == 0) throw UsageError(log_file + ": holds no measurement set");
   writer.finish();
 }
 

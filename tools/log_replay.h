@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "common/log_file.h"
@@ -18,9 +19,10 @@ void replay_log(const std::string& log_file, const std::string& out_file, const 
 
 /// Throws UsageError when a log to write is the log to read.
 void check_new_log(const std::string& log_file, const std::string& out_file);
-/// Says on stderr how much of a log, read to its end, was damaged; nothing where nothing was.
-void warn_of_damage(const std::string& program, const std::string& log_file,
-                    const LogReader& reader);
+/// Calls on_set for each MEASUREMENT of a log, with the event that it came in. Says on stderr what
+/// of the log was damaged, unless `program` is empty. Throws UsageError when there is none.
+void for_each_set(const std::string& program, const std::string& log_file,
+                  const std::function<void(const MeasurementSet&, const LogEvent&)>& on_set);
 /// Says on stderr that estimates may differ in their last bits, where the log's kernel is another.
 void warn_of_kernel(const std::string& program, const Experiment& experiment, const RunMeta& meta);
 

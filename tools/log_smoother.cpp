@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "common/log_file.h"
-#include "common/measurement_messages.h"
 #include "common/status.h"
 #include "estimators/attack_mixture.h"
 #include "estimators/estimate_messages.h"
@@ -68,25 +67,17 @@ std::vector<Smoothed> make_smoothed(const LogSmootherOptions& options, const Exp
 }
 
 // First pass: every measurement set through every estimator.
-std::int64_t smooth_sets(const LogSmootherOptions& options, std::int64_t num_steps,
-                         std::vector<Smoothed>& all) {
-  LogReader reader(options.log_file);
-  LogEvent event;
-  measurement_set_t message;
-  MeasurementSet set;
-  std::int64_t num_sets = 0;
-  while (reader.next(event)) {
-    if (event.channel != "MEASUREMENT" || !decode_guarded(event.data, message)) continue;
-    ++num_sets;
-    from_message(message, set);
-    for (Smoothed& one : all) one.session.on_set(set, [&one](const Estimate&) { one.keep(); });
-    if (options.on_progress) options.on_progress(message.step, num_steps);
-  }
-  warn_of_damage("holdfast-smoother", options.log_file, reader);
+void smooth_sets(const LogSmootherOptions& options, std::int64_t num_steps,
+                 std::vector<Smoothed>& all) {
+  for_each_set("holdfast-smoother", options.log_file,
+               [&](const MeasurementSet& set, const LogEvent& /*event*/) {
+                 for (Smoothed& one : all)
+                   one.session.on_set(set, [&one](const Estimate&) { one.keep(); });
+                 if (options.on_progress) options.on_progress(set.step, num_steps);
+               });
   for (Smoothed& one : all) {
     one.stream.finish([&one](const Estimate& estimate) { one.estimates.push_back(estimate); });
   }
-  return num_sets;
 }
 
 // Second pass: the old log, with the estimates of each step where its set stands.
@@ -137,8 +128,7 @@ std::int64_t smooth_log(const LogSmootherOptions& options) {
     throw UsageError(options.log_file +
                      ": no estimator of its scenario has the key `smoother`; name one with --name");
   }
-  if (smooth_sets(options, experiment.num_steps, all) == 0)
-    throw UsageError(options.log_file + ": holds no measurement set");
+  smooth_sets(options, experiment.num_steps, all);
   return write_all(options, all);
 }
 

@@ -6,7 +6,9 @@
 #include <fstream>
 #include <holdfast/estimate_t.hpp>
 #include <holdfast/measurement_set_t.hpp>
+#include <iostream>
 #include <set>
+#include <sstream>
 #include <vector>
 
 #include "common/lcm_guard.h"
@@ -56,6 +58,31 @@ std::string problem_of(const LogSmootherOptions& options) {
   }
   return "";
 }
+
+// What a scenario reads from the text of statistics.
+AttackStatistics read_back(const AttackStatistics& statistics) {
+  AttackAssumptions read;
+  ConfigurationDocument document =
+      ConfigurationDocument::from_text(assumes_text(statistics), "fit.yaml");
+  read.read(document.root().map("assumes"), 2);
+  document.finish();
+  return read.periods.front().statistics(2);
+}
+
+// What is said on stderr while it lives.
+class ErrorCapture {
+ public:
+  ErrorCapture() : before_(std::cerr.rdbuf(said_.rdbuf())) {}
+  ~ErrorCapture() { std::cerr.rdbuf(before_); }
+  ErrorCapture(const ErrorCapture&) = delete;
+  ErrorCapture& operator=(const ErrorCapture&) = delete;
+
+  std::string text() const { return said_.str(); }
+
+ private:
+  std::ostringstream said_;
+  std::streambuf* before_;
+};
 
 }  // namespace
 
@@ -155,6 +182,24 @@ TEST_CASE("what cannot be smoothed is refused, and leaves no file") {
   CHECK(problem_of(options).find("no LCM log") != std::string::npos);
 }
 
+TEST_CASE("a set that is no message is not smoothed by, and is said") {
+  const Logs logs("turning_target", {"steps=10"});
+  const std::string damaged = logs.folder.file("damaged.lcm");
+  {
+    LogWriter writer(damaged);
+    int num_sets = 0;
+    for (LogEvent& event : events_of(logs.run)) {
+      if (event.channel == "MEASUREMENT" && ++num_sets == 5) event.data.resize(20);
+      writer.write(event.channel, event.utime, event.data);
+    }
+  }
+  LogSmootherOptions options = logs.options();
+  options.log_file = damaged;
+  const ErrorCapture errors;
+  CHECK(smooth_log(options) > 0);
+  CHECK(errors.text().find("1 messages on MEASUREMENT are damaged") != std::string::npos);
+}
+
 TEST_CASE("a damaged RUN_META is passed over, and is not smoothed by where it is the only one") {
   const Logs logs("turning_target", {"steps=10"});
   std::vector<LogEvent> events = events_of(logs.run);
@@ -188,9 +233,14 @@ TEST_CASE("a torn and a damaged log are smoothed as far as they go") {
   {
     std::fstream file(logs.run, std::ios::in | std::ios::out | std::ios::binary);
     file.seekp(static_cast<std::streamoff>(std::filesystem::file_size(logs.run) / 2));
-    file.write("damage, damage, damage, damage", 30);
+    // Longer than an event, so that the head of one is hit.
+    const std::string damage(8000, '!');
+    file.write(damage.data(), static_cast<std::streamsize>(damage.size()));
   }
+  const ErrorCapture errors;
   const std::int64_t count = smooth_log(logs.options());
+  CHECK(errors.text().find("damaged bytes were skipped") != std::string::npos);
+  CHECK(errors.text().find("ends in the middle of an event") != std::string::npos);
   CHECK(count > 6 * 10);
   CHECK(count < 6 * 30);
   CHECK(count % 6 == 0);
@@ -219,14 +269,10 @@ TEST_CASE("a fit of a log climbs and says what it found as a scenario would") {
   const double forced = last.statistics.attack_probability * last.statistics.dos_probability;
   CHECK(forced == Approx(0.03).margin(4.0 * std::sqrt(0.03 * 0.97 / 800)));
   // Its text can stand in a scenario, where it says the same.
-  const std::string text = assumes_text(last.statistics);
-  AttackAssumptions read;
-  ConfigurationDocument document = ConfigurationDocument::from_text(text, "fit.yaml");
-  read.read(document.root().map("assumes"), 2);
-  document.finish();
-  const AttackStatistics back = read.periods.front().statistics(2);
-  CHECK(back.attack_probability == Approx(last.statistics.attack_probability).epsilon(1e-5));
-  CHECK(back.bias_covariance(0, 1) == Approx(last.statistics.bias_covariance(0, 1)).margin(1e-4));
+  const AttackStatistics back = read_back(last.statistics);
+  CHECK(back.attack_probability == last.statistics.attack_probability);
+  CHECK(back.bias_covariance == last.statistics.bias_covariance);
+  CHECK(back.scale_std == last.statistics.scale_std);
   // It has converged where a further round changes less than it is told to care for.
   options.tolerance = 1.01 * last.change;
   options.rounds_max = 100;
@@ -257,11 +303,41 @@ TEST_CASE("what a fit cannot take from an estimator is left out, refused or name
   }
   CHECK_THROWS_AS(fit_with("assumes.changes=[{first_step: 100, attack_probability: 0.9}]"),
                   UsageError);
+  using Names = std::vector<std::string>;
   AttackStatistics guess = plain.statistics;
   CHECK(unmoved_beliefs(guess).empty());
-  guess.dos_probability = 0.0;
-  guess.bias_probability = 1.0;
-  CHECK(unmoved_beliefs(guess) == std::vector<std::string>{"dos_probability", "bias.probability"});
+  guess.bias_covariance.setZero();
+  CHECK(unmoved_beliefs(guess) == Names{"bias.mean and .covariance"});
+  guess.scale_probability = 1.0;
+  CHECK(unmoved_beliefs(guess) == Names{"bias.mean and .covariance", "scale.probability"});
+  guess.dos_probability = 1.0;
+  CHECK(unmoved_beliefs(guess) == Names{"dos_probability", "bias.probability",
+                                        "bias.mean and .covariance", "scale.probability",
+                                        "scale.mean and .std"});
+}
+
+TEST_CASE("what is said not to move does not, and all the rest does") {
+  const std::string certain = "estimators.mixture.assumes.bias={probability: 0.3, std: 0}";
+  for (const bool is_certain : {false, true}) {
+    std::vector<std::string> overrides = {"steps=200"};
+    if (is_certain) overrides.push_back(certain);
+    const Logs logs("turning_target", overrides);
+    LogFitOptions options;
+    options.log_file = logs.run;
+    options.name = "mixture";
+    options.rounds_max = 2;
+    std::vector<AttackStatistics> seen;
+    options.on_round = [&seen](const LogFitRound& round) { seen.push_back(round.statistics); };
+    fit_log(options);
+    const AttackStatistics &guess = seen.front(), &last = seen.back();
+    CHECK(unmoved_beliefs(guess).size() == (is_certain ? 1 : 0));
+    CHECK((last.bias_mean == guess.bias_mean) == is_certain);
+    CHECK((last.bias_covariance == guess.bias_covariance) == is_certain);
+    CHECK(last.bias_probability != guess.bias_probability);
+    CHECK(last.attack_probability != guess.attack_probability);
+    CHECK(last.scale_mean != guess.scale_mean);
+    CHECK(last.scale_std != guess.scale_std);
+  }
 }
 
 TEST_CASE("a fit bears biases that scatter little, or lie far away") {
@@ -275,9 +351,12 @@ TEST_CASE("a fit bears biases that scatter little, or lie far away") {
       options.log_file = logs.run;
       options.name = "mixture";
       options.rounds_max = 4;
-      const Eigen::MatrixXd covariance = fit_log(options).statistics.bias_covariance;
-      CHECK(covariance == covariance.transpose());
-      CHECK(covariance.diagonal().minCoeff() >= 0.0);
+      const AttackStatistics fitted = fit_log(options).statistics;
+      CHECK(fitted.bias_covariance == fitted.bias_covariance.transpose());
+      CHECK(fitted.bias_covariance.diagonal().minCoeff() >= 0.0);
+      const AttackStatistics back = read_back(fitted);
+      CHECK(back.bias_covariance == fitted.bias_covariance);
+      CHECK(back.bias_mean == fitted.bias_mean);
     }
   }
 }
