@@ -270,7 +270,7 @@ std::vector<AttackRule> read_attack_rules(ConfigurationMap parent, const FrameLa
                                           const std::string& folder) {
   std::vector<AttackRule> rules;
   std::set<std::string> names;
-  for (ConfigurationMap map : parent.maps("attacks")) {
+  for (ConfigurationMap map : parent.maps("attacks", AttackRule::kRulesMax)) {
     rules.push_back(read_rule(map, layout, folder, rules));
     const std::string& name = rules.back().name;
     if (map.has("name") && name.empty()) map.problem("name", "must not be empty");

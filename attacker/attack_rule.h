@@ -108,12 +108,13 @@ struct AttackRule {
   std::vector<std::uint32_t> given, unless;
 
   static constexpr std::size_t kSignalsMax = 100;
-  std::vector<std::string> signals;  // flip: one; with values: at least one
-  std::string attack_class;          // what the truth calls it: "alteration", "suspension", ...
-  bool repairs = true;               // checksums of what it touched, so that receivers take it
-  PayloadEdit edit;                  // bits
-  int copies = 1;                    // duplicate
-  int bit = -1;  // flip: payload bit as a DBC counts, -1 when a signal is flipped
+  static constexpr std::size_t kRulesMax = 256;  // of a scenario
+  std::vector<std::string> signals;              // flip: one; with values: at least one
+  std::string attack_class;  // what the truth calls it: "alteration", "suspension", ...
+  bool repairs = true;       // checksums of what it touched, so that receivers take it
+  PayloadEdit edit;          // bits
+  int copies = 1;            // duplicate
+  int bit = -1;              // flip: payload bit as a DBC counts, -1 when a signal is flipped
   // Substitute, force, add, scale, inject: one per signal, all of one kind.
   std::vector<ValueDistribution> values;
   ValueDraw value_draw = ValueDraw::kSignal;

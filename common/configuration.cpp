@@ -25,13 +25,20 @@ struct ConfigurationMap::Shared {
   YAML::Node document;
   YAML::Node resolved{YAML::NodeType::Map};
   std::set<std::string> known_paths, raw_paths;
+  // Whoever reads a hundred problems mends these first.
+  static constexpr std::size_t kProblemsMax = 100;
   std::vector<std::pair<YAML::Mark, std::string>> problems;
+  std::size_t num_untold = 0;
   // Overrides are read as if they stood on the lines after the file's last one.
   std::vector<std::string> overrides;
   int num_file_lines = 0;
 
   void add_problem(const YAML::Mark& mark, const std::string& text) {
-    problems.emplace_back(mark, text);
+    if (problems.size() < kProblemsMax) {
+      problems.emplace_back(mark, text);
+    } else {
+      ++num_untold;
+    }
   }
 
   std::string place(const YAML::Mark& mark) const {
@@ -324,7 +331,7 @@ YAML::Node ConfigurationMap::raw(std::string_view key) {
   return node;
 }
 
-std::vector<ConfigurationMap> ConfigurationMap::maps(std::string_view key) {
+std::vector<ConfigurationMap> ConfigurationMap::maps(std::string_view key, std::size_t most) {
   const YAML::Node node = take(key);
   YAML::Node resolved(YAML::NodeType::Sequence);
   resolved_[std::string(key)] = resolved;
@@ -334,7 +341,12 @@ std::vector<ConfigurationMap> ConfigurationMap::maps(std::string_view key) {
     problem(key, shape(node) + " must be a list");
     return list;
   }
-  for (std::size_t i = 0; i < node.size(); ++i) {
+  if (node.size() > most) {
+    problem(key, "has " + std::to_string(node.size()) + " entries, at most " +
+                     std::to_string(most) + " are possible");
+    shared_->raw_paths.insert(path(key));
+  }
+  for (std::size_t i = 0; i < std::min(node.size(), most); ++i) {
     const std::string item_path = path(key) + "[" + std::to_string(i) + "]";
     YAML::Node item(YAML::NodeType::Map);
     resolved.push_back(item);
@@ -384,7 +396,7 @@ ConfigurationDocument ConfigurationDocument::from_text(const std::string& text,
   document.shared_->num_file_lines = count_lines(text);
   YAML::Node read;
   try {
-    read.reset(one_document(text));
+    read.reset(one_document(text, file_name));
   } catch (const YAML::Exception& error) {
     throw ConfigurationError(document.shared_->place(error.mark) + ": not YAML: " + error.msg);
   }
@@ -416,6 +428,10 @@ void ConfigurationDocument::finish() {
   std::string text;
   for (const auto& [mark, problem] : shared_->problems) {
     text += (text.empty() ? "" : "\n") + shared_->place(mark) + ": " + problem;
+  }
+  if (shared_->num_untold > 0) {
+    text += "\n" + shared_->file_name + ": and " + std::to_string(shared_->num_untold) +
+            " more problems";
   }
   throw ConfigurationError(text);
 }

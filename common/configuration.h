@@ -15,7 +15,7 @@
 
 namespace holdfast {
 
-/// Every problem of a configuration file, one a line, each with file:line:column.
+/// The problems of a configuration file, the first hundred, one a line, each with file:line:column.
 class ConfigurationError : public UsageError {
  public:
   using UsageError::UsageError;
@@ -75,8 +75,8 @@ class ConfigurationMap {
 
   /// The map below the key; an empty one, at this map's place, when there is none.
   ConfigurationMap map(std::string_view key);
-  /// The maps in the list below the key; none when there is none.
-  std::vector<ConfigurationMap> maps(std::string_view key);
+  /// The maps in the list below the key, the first `most` of them; none when there is none.
+  std::vector<ConfigurationMap> maps(std::string_view key, std::size_t most = 1024);
   /// What stands below the key, as it is: for parts that no schema names. Undefined when there is
   /// none. It goes into the resolved document unchanged.
   YAML::Node raw(std::string_view key);

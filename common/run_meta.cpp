@@ -46,13 +46,6 @@ run_meta_t to_message(const RunMeta& meta) {
   return message;
 }
 
-void check_scenario_size(const std::string& scenario, const std::string& place) {
-  if (scenario.size() > kScenarioBytesMax) {
-    throw UsageError(place + ": the resolved scenario is longer than " +
-                     std::to_string(kScenarioBytesMax / 1024) + " kB, more than a log may carry");
-  }
-}
-
 RunMeta read_run_meta(const std::string& log_file) {
   LogReader reader(log_file);
   LogEvent event;

@@ -8,12 +8,6 @@ namespace holdfast {
 
 class run_meta_t;
 
-/// Longest resolved scenario that a log may carry, in bytes; parsing takes some 250 times the
-/// memory of the text.
-inline constexpr std::size_t kScenarioBytesMax = 1 << 18;
-/// Throws UsageError, which names the place, when a scenario is longer.
-void check_scenario_size(const std::string& scenario, const std::string& place);
-
 /// What RUN_META says of a run.
 struct RunMeta {
   std::string name;

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 #include <numbers>
+#include <sstream>
 
 namespace holdfast {
 namespace {
@@ -17,13 +18,9 @@ double turned(double angle_rad) {
   return rest < 0.0 ? rest + kTurn : rest;
 }
 
-// Numbers of a text file, one a line; empty lines and comments (#) are skipped.
-std::vector<double> read_samples(const std::string& file, std::string& trouble) {
-  std::ifstream stream(file);
-  if (!stream) {
-    trouble = "cannot open " + file;
-    return {};
-  }
+// Numbers, one a line; empty lines and comments (#) are skipped. A trouble begins with the place.
+std::vector<double> read_samples(std::istream& stream, const std::string& place,
+                                 std::string& trouble) {
   std::vector<double> samples;
   std::string line;
   for (int number = 1; std::getline(stream, line); ++number) {
@@ -39,16 +36,16 @@ std::vector<double> read_samples(const std::string& file, std::string& trouble) 
     const bool is_whole =
         used > 0 && line.find_first_not_of(" \t\r,;", first + used) == std::string::npos;
     if (!is_whole || !std::isfinite(value)) {
-      trouble = file + ":" + std::to_string(number) + ": must be one finite number";
+      trouble = place + ":" + std::to_string(number) + ": must be one finite number";
       return {};
     }
     samples.push_back(value);
     if (samples.size() > kSamplesMax) {
-      trouble = file + ": more than " + std::to_string(kSamplesMax) + " numbers";
+      trouble = place + ": more than " + std::to_string(kSamplesMax) + " numbers";
       return {};
     }
   }
-  if (samples.empty()) trouble = file + ": holds no number";
+  if (samples.empty()) trouble = place + ": holds no number";
   return samples;
 }
 
@@ -79,15 +76,27 @@ void Waveform::read(ConfigurationMap& map, const std::string& folder, bool may_w
   if (map.has("file")) {
     std::string file, trouble;
     map.read("file", file);
-    samples = read_samples((std::filesystem::path(folder) / file).string(), trouble);
+    const std::string path = (std::filesystem::path(folder) / file).string();
+    std::ifstream stream(path);
+    if (stream) samples = read_samples(stream, path, trouble);
+    if (!stream.is_open()) trouble = "cannot open " + path;
     if (!trouble.empty()) map.problem("file", trouble);
     map.forget("file");
-    YAML::Node list(samples);
-    list.SetStyle(YAML::EmitterStyle::Flow);
-    map.resolve("samples", list);
+    // As one text: a list of so many numbers would take hundreds of times its length to read.
+    std::string text;
+    for (const double sample : samples) text += shortest_text(sample) + "\n";
+    map.resolve("samples", YAML::Node(text));
     return;
   }
   map.require("samples");
+  if (std::string text; map.scalar_text("samples", text)) {
+    std::string trouble;
+    map.read("samples", text);
+    std::istringstream stream(text);
+    samples = read_samples(stream, "line", trouble);
+    if (!trouble.empty()) map.problem("samples", trouble);
+    return;
+  }
   map.read("samples", samples);
   if (map.has("samples") && samples.empty()) map.problem("samples", "must hold a number");
 }

@@ -40,9 +40,8 @@ class AttackFit {
         Small<L, L> gain = reading.c * attack.bias_covariance;  // Cov[a, y] S^-1
         factor.solve_right(gain);
         const Small<L> mean = attack.bias_mean + gain.lazyProduct(nu);
-        const Small<L, L> covariance =
-            attack.bias_covariance - reading.c * gain.lazyProduct(attack.bias_covariance);
-        add_bias(weight, mean, covariance);
+        add_bias(weight, mean,
+                 bias_covariance_given(observation, R, attack, hypothesis, reading.c, gain));
       }
       if (hypothesis != AttackHypothesis::kBiased) {
         Small<L> u = observation.h;
@@ -61,6 +60,27 @@ class AttackFit {
   void maximise(AttackStatistics& statistics) const;
 
  private:
+  // Joseph's form: a difference would drown what a reading shows in a vague guess's rounding.
+  template <int N, int L>
+  static Small<L, L> bias_covariance_given(const Observation<N, L>& observation,
+                                           const Small<L, L>& R,
+                                           const SizedAttackStatistics<L>& attack,
+                                           AttackHypothesis hypothesis, double c,
+                                           const Small<L, L>& gain) {
+    SizedAttackStatistics<L> without = attack;
+    without.bias_covariance.setZero();
+    ReadingBelief<L> rest;  // S - c^2 Sigma_a
+    believe_hypothesis(observation, R, without, hypothesis, rest);
+    if (hypothesis == AttackHypothesis::kBoth)
+      rest.S += attack.scale_variance * attack.bias_covariance;
+    const Small<L, L> kept = Small<L, L>::Identity(R.rows(), R.cols()) - c * gain;
+    const Small<L, L> prior = kept.lazyProduct(attack.bias_covariance);
+    const Small<L, L> noise = gain.lazyProduct(rest.S);
+    Small<L, L> covariance = prior.lazyProduct(kept.transpose());
+    covariance += noise.lazyProduct(gain.transpose());
+    return covariance;
+  }
+
   void add_counts(const AttackStatistics& statistics,
                   const std::array<double, kNumAttackHypotheses>& probabilities);
   void add_bias(double weight, const Eigen::Ref<const Eigen::VectorXd>& mean,

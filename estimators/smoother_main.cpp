@@ -24,11 +24,9 @@ void show_progress(std::int64_t step, std::int64_t num_steps) {
 
 void show_round(const LogFitRound& round) {
   if (round.round == 0) {
-    for (const std::string& belief : unmoved_beliefs(round.statistics)) {
-      std::cerr
-          << "holdfast-smoother: " << belief
-          << ": stays as the scenario guesses, whatever the log says (docs/gslr.md); start from "
-             "another guess\n";
+    for (const std::string& belief : round.unmoved) {
+      std::cerr << "holdfast-smoother"
+                << ": " << belief << ": stays as the scenario guesses; docs/gslr.md says why\n";
     }
     std::printf("%5s %16s %8s %8s %8s %8s %10s %9s %9s\n", "round", "log-likelihood", "attack",
                 "dos", "bias", "scale", "scale mean", "scale std", "change");
@@ -59,6 +57,7 @@ int smooth(LogSmootherOptions& options, LogFitOptions& fitted) {
   if (!fitted.name.empty()) {
     options.statistics = fit(fitted);
     options.name = fitted.name;
+    options.program.clear();  // the fit has said it
   }
   if (options.out_file.empty()) options.out_file = default_out(options.log_file);
   const bool is_terminal = isatty(STDERR_FILENO) != 0;

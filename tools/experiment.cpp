@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <set>
 
+#include "common/configuration_text.h"
 #include "common/name_list.h"
-#include "common/run_meta.h"
 #include "drivers/can/can_bus.h"
 #include "tools/monitor_filter.h"
 
@@ -30,7 +30,7 @@ void read_estimators(ConfigurationMap& root, Experiment& experiment) {
   const std::vector<AttackRule> no_rules;  // no bus, no proxy: no rule acts
   const MethodContext context{experiment.plant, experiment.layout,
                               experiment.has_bus() ? experiment.rules : no_rules};
-  for (ConfigurationMap& map : root.maps("estimators")) {
+  for (ConfigurationMap& map : root.maps("estimators", kListedMax)) {
     EstimatorEntry entry;
     map.require("name");
     map.read("name", entry.name);
@@ -131,7 +131,7 @@ void read_groups(ConfigurationMap& root, Experiment& experiment) {
   experiment.state_names = experiment.plant.state_names();
   root.read("state_names", experiment.state_names);
   if (!root.has("state_groups")) experiment.state_groups = experiment.plant.default_groups();
-  for (ConfigurationMap& map : root.maps("state_groups")) {
+  for (ConfigurationMap& map : root.maps("state_groups", kListedMax)) {
     StateGroup group;
     std::vector<double> states;
     map.require("name");
@@ -168,7 +168,7 @@ void read_groups(ConfigurationMap& root, Experiment& experiment) {
 }
 
 void read_windows(ConfigurationMap& campaign, Experiment& experiment) {
-  for (ConfigurationMap& map : campaign.maps("windows")) {
+  for (ConfigurationMap& map : campaign.maps("windows", kListedMax)) {
     MetricsWindow window;
     window.last_step = experiment.num_steps;
     map.require("name");
@@ -181,7 +181,7 @@ void read_windows(ConfigurationMap& campaign, Experiment& experiment) {
     map.read("last_step", window.last_step, {1.0, 1e9});
     if (window.last_step < window.first_step) map.problem("last_step", "lies before first_step");
     map.read("fresh_steps", window.fresh_steps, {-1.0, 1e6});
-    for (ConfigurationMap& gap : map.maps("without")) {
+    for (ConfigurationMap& gap : map.maps("without", kListedMax)) {
       std::int64_t first = 1, last = 1;
       gap.require("first_step");
       gap.read("first_step", first, {1.0, 1e9});
@@ -342,12 +342,11 @@ std::unique_ptr<RadioChannel> Experiment::make_radio_channel(std::uint32_t run) 
 Experiment load_experiment(const std::string& file, const std::vector<std::string>& overrides) {
   Experiment experiment = read_experiment(ConfigurationDocument::from_file(file, overrides),
                                           std::filesystem::path(file).parent_path().string());
-  check_scenario_size(experiment.resolved, file);
+  check_num_values(experiment.resolved, file + ", with its defaults");
   return experiment;
 }
 
 Experiment experiment_from_text(const std::string& text, const std::string& place) {
-  check_scenario_size(text, place);
   return read_experiment(ConfigurationDocument::from_text(text, place), "");
 }
 

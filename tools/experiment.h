@@ -19,6 +19,10 @@
 
 namespace holdfast {
 
+/// Estimators, state groups, windows and their gaps that a scenario may list: each estimator and
+/// group costs memory for each step.
+inline constexpr std::size_t kListedMax = 64;
+
 /// A command that the monitor's operator gives when a step closes.
 struct OperatorCommand {
   std::int64_t after_step = 1;

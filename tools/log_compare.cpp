@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
-#include <holdfast/run_meta_t.hpp>
 #include <regex>
 #include <set>
 #include <span>
@@ -11,6 +10,7 @@
 #include "common/errors.h"
 #include "common/log_file.h"
 #include "tools/log_fields.h"
+#include "tools/log_meta.h"
 #include "tools/printable_text.h"
 #include "tools/scenario_facts.h"
 
@@ -86,7 +86,6 @@ struct LogMessages {
   using BySteps = std::map<std::int64_t, std::vector<std::vector<std::uint8_t>>>;
   std::map<std::string, BySteps> channels;
   std::map<std::string, std::int64_t> refused;
-  bool has_scenario = false;
   std::set<std::string> campaign_only;  // channels that a live run of this scenario cannot have
 };
 
@@ -109,10 +108,10 @@ class LogComparison {
 
   LogMessages read(const std::string& file, const std::regex& wanted) {
     LogMessages log;
+    read_scenario(file, log);
     LogReader reader(file);
     LogEvent event;
     while (reader.next(event)) {
-      if (event.channel == "RUN_META" && !log.has_scenario) note_scenario(event.data, log);
       if (is_left_out(event.channel) || !std::regex_match(event.channel, wanted)) continue;
       const ChannelType type = channel_type(event.channel);
       if (type.layout == nullptr) {
@@ -162,12 +161,16 @@ class LogComparison {
     if (log.channels["ATTACK_SIGNAL"].empty()) log.channels.erase("ATTACK_SIGNAL");
   }
 
-  static void note_scenario(Bytes bytes, LogMessages& log) {
-    run_meta_t meta;
-    if (!decode_guarded(bytes, meta)) return;
-    log.has_scenario = true;
-    for (const std::string& channel : campaign_only_channels(meta.scenario))
-      log.campaign_only.insert(channel);
+  // Which channels only a campaign has, where a scenario says it.
+  void read_scenario(const std::string& file, LogMessages& log) {
+    try {
+      const std::string scenario = read_logged_meta(file).meta.scenario;
+      for (const std::string& channel :
+           campaign_only_channels(read_scenario_facts(scenario, printable(file))))
+        log.campaign_only.insert(channel);
+    } catch (const UsageError& error) {
+      result_.notes.push_back(printable(error.what()));
+    }
   }
 
   void describe(const std::string& file, const LogMessages& log, const LogReader& reader) {

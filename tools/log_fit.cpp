@@ -2,6 +2,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -17,6 +18,9 @@
 
 namespace holdfast {
 namespace {
+
+// Of a correlation's eigenvalues: in such a direction a fit would need 10^12 rounds to move.
+constexpr double kSingularBelow = 1e-12;
 
 std::vector<double> parameters_of(const AttackStatistics& statistics) {
   std::vector<double> parameters = {statistics.attack_probability, statistics.dos_probability,
@@ -39,6 +43,25 @@ double largest_change(const AttackStatistics& before, const AttackStatistics& af
   return largest;
 }
 
+// Of a bias, what is believed to be exact though not all of it is.
+void add_exact_parts(const Eigen::MatrixXd& covariance, std::vector<std::string>& keys) {
+  std::vector<Eigen::Index> scattered;
+  for (Eigen::Index i = 0; i < covariance.rows(); ++i) {
+    if (covariance(i, i) > 0.0) {
+      scattered.push_back(i);
+    } else {
+      const std::string row = "[" + std::to_string(i) + "]";
+      keys.push_back("bias.mean" + row + " and .covariance" + row);
+    }
+  }
+  const Eigen::VectorXd scale = covariance.diagonal()(scattered).cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation =
+      scale.asDiagonal() * covariance(scattered, scattered) * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation, Eigen::EigenvaluesOnly);
+  if (!scattered.empty() && solver.eigenvalues()[0] < kSingularBelow)
+    keys.emplace_back("bias.mean and .covariance across the directions in which they scatter");
+}
+
 }  // namespace
 
 LogFitRound fit_log(const LogFitOptions& options) {
@@ -57,9 +80,9 @@ LogFitRound fit_log(const LogFitOptions& options) {
                      "the whole log");
   }
   std::vector<MeasurementSet> sets;
-  for_each_set("", options.log_file, [&sets](const MeasurementSet& set, const LogEvent& /*event*/) {
-    sets.push_back(set);
-  });
+  for_each_set(
+      options.program, options.log_file,
+      [&sets](const MeasurementSet& set, const LogEvent& /*event*/) { sets.push_back(set); });
   LogFitRound round;
   AttackStatistics next = first.statistics();
   for (;; ++round.round) {
@@ -72,6 +95,7 @@ LogFitRound fit_log(const LogFitOptions& options) {
     filter->smooth();
     round.log_likelihood = filter->log_likelihood();
     next = filter->fit();
+    if (round.round == 0) round.unmoved = unmoved_beliefs(round.statistics, next);
     round.change = largest_change(round.statistics, next);
     round.is_converged = round.change < options.tolerance;
     if (options.on_round) options.on_round(round);
@@ -79,24 +103,27 @@ LogFitRound fit_log(const LogFitOptions& options) {
   }
 }
 
-std::vector<std::string> unmoved_beliefs(const AttackStatistics& guess) {
+std::vector<std::string> unmoved_beliefs(const AttackStatistics& guess,
+                                         const AttackStatistics& next) {
   const auto is_certain = [](double probability) {
     return probability <= 0.0 || probability >= 1.0;
   };
   // Nothing is ever biased or scaled, so that nothing is learnt of it either.
   const bool never_falsified = guess.attack_probability <= 0.0 || guess.dos_probability >= 1.0;
-  const bool never_biased = never_falsified || guess.bias_probability <= 0.0;
-  const bool never_scaled = never_falsified || guess.scale_probability <= 0.0;
+  const bool stays_bias =
+      guess.bias_mean == next.bias_mean && guess.bias_covariance == next.bias_covariance;
+  const bool stays_scale = guess.scale_mean == next.scale_mean && guess.scale_std == next.scale_std;
   std::vector<std::string> keys;
-  const auto add = [&keys](bool is_unmoved, const char* key) {
-    if (is_unmoved) keys.emplace_back(key);
+  const auto add = [&keys](bool is_unmoved, const std::string& key) {
+    if (is_unmoved) keys.push_back(key);
   };
   add(is_certain(guess.attack_probability), "attack_probability");
   add(is_certain(guess.dos_probability) || guess.attack_probability <= 0.0, "dos_probability");
   add(never_falsified || is_certain(guess.bias_probability), "bias.probability");
-  add(never_biased || guess.bias_covariance.isZero(0.0), "bias.mean and .covariance");
+  add(stays_bias, "bias.mean and .covariance");
+  if (!stays_bias) add_exact_parts(guess.bias_covariance, keys);
   add(never_falsified || is_certain(guess.scale_probability), "scale.probability");
-  add(never_scaled || guess.scale_std <= 0.0, "scale.mean and .std");
+  add(stays_scale, "scale.mean and .std");
   return keys;
 }
 

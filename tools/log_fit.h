@@ -17,12 +17,14 @@ struct LogFitRound {
   AttackStatistics statistics;
   double change = 0.0;  // largest of a parameter to the next round, relative to its size
   bool is_converged = false;
+  std::vector<std::string> unmoved;  // keys of what no round moves from the guess
 };
 
 /// What is to be fitted on which log.
 struct LogFitOptions {
   std::string log_file;
-  std::string name;  // of an estimator of method attack_mixture
+  std::string name;                           // of an estimator of method attack_mixture
+  std::string program = "holdfast-smoother";  // says what of the log is damaged; "": nobody
   int rounds_max = 50;
   double tolerance = 1e-3;                           // of the change, which ends it
   std::function<void(const LogFitRound&)> on_round;  // may be empty
@@ -35,9 +37,10 @@ struct LogFitOptions {
 /// whose beliefs change with time.
 LogFitRound fit_log(const LogFitOptions& options);
 
-/// Keys of what no fit moves: probabilities of 0 or 1, what they leave no reading for, and means
-/// that are believed to be exact.
-std::vector<std::string> unmoved_beliefs(const AttackStatistics& guess);
+/// Keys of what no fit moves from a guess, after which `next` followed: probabilities of 0 or 1,
+/// what no reading says anything of, and means that are believed to be exact.
+std::vector<std::string> unmoved_beliefs(const AttackStatistics& guess,
+                                         const AttackStatistics& next);
 
 /// The block `assumes` of a scenario that says exactly these statistics.
 std::string assumes_text(const AttackStatistics& statistics);

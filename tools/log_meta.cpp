@@ -43,7 +43,6 @@ LoggedExperiment read_logged_experiment(const std::string& log_file) {
 }
 
 ScenarioFacts facts_of(const LoggedMeta& logged, const std::string& place) {
-  check_scenario_size(logged.meta.scenario, place);
   try {
     ScenarioFacts facts = read_scenario_facts(logged.meta.scenario, place);
     facts.experiment = experiment_of(logged.meta.scenario);

@@ -27,8 +27,7 @@ struct LoggedExperiment {
 LoggedExperiment read_logged_experiment(const std::string& log_file);
 
 /// What its scenario says, the experiment included; nothing when it is damaged and no YAML any
-/// more. Throws UsageError, which names the place, when a whole one is no YAML, or is longer than
-/// 256 kB.
+/// more, or too large. Throws UsageError, which names the place, when a whole one is so.
 ScenarioFacts facts_of(const LoggedMeta& logged, const std::string& place);
 
 }  // namespace holdfast

@@ -69,7 +69,7 @@ std::vector<Smoothed> make_smoothed(const LogSmootherOptions& options, const Exp
 // First pass: every measurement set through every estimator.
 void smooth_sets(const LogSmootherOptions& options, std::int64_t num_steps,
                  std::vector<Smoothed>& all) {
-  for_each_set("holdfast-smoother", options.log_file,
+  for_each_set(options.program, options.log_file,
                [&](const MeasurementSet& set, const LogEvent& /*event*/) {
                  for (Smoothed& one : all)
                    one.session.on_set(set, [&one](const Estimate&) { one.keep(); });

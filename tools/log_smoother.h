@@ -12,6 +12,7 @@ namespace holdfast {
 /// What holdfast-smoother is asked for.
 struct LogSmootherOptions {
   std::string log_file, out_file;
+  std::string program = "holdfast-smoother";  // says what of the log is damaged; "": nobody
   std::string name;                       // of the estimator; "": each one with a key `smoother`
   std::optional<std::int64_t> lag_steps;  // instead of the scenario's; 0: by the whole run
   std::optional<AttackStatistics> statistics;  // instead of what an attack_mixture assumes

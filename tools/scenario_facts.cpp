@@ -5,16 +5,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/configuration_text.h"
 #include "common/errors.h"
 #include "common/run_meta.h"
 #include "common/status.h"
+#include "tools/experiment.h"
 #include "tools/printable_text.h"
 
 namespace holdfast {
 namespace {
-
-// Every estimator and group costs memory for each step; no scenario of ours has a tenth of these.
-constexpr std::size_t kEntriesMax = 64;
 
 // Elements of a list; none when the node is anything else.
 YAML::Node items(const YAML::Node& node) {
@@ -43,15 +42,15 @@ bool is_campaign_input(const std::string& input) {
   return input == "clean" || input == "authentic" || input == "told";
 }
 
-ScenarioFacts read_facts(const std::string& yaml) {
+ScenarioFacts read_facts(const std::string& yaml, const std::string& place) {
   ScenarioFacts facts;
-  const YAML::Node root = YAML::Load(yaml);
+  const YAML::Node root = one_document(yaml, place + " (RUN_META)");
   if (!root.IsMap()) return facts;
   facts.num_steps = std::max<std::int64_t>(0, value_or<std::int64_t>(root["steps"], 0));
   for (const YAML::Node& name : items(root["state_names"]))
     facts.state_names.push_back(value_or<std::string>(name, ""));
   for (const YAML::Node& node : items(root["state_groups"])) {
-    if (!node.IsMap() || facts.groups.size() == kEntriesMax) continue;
+    if (!node.IsMap() || facts.groups.size() == kListedMax) continue;
     StateGroup group;
     group.name = value_or<std::string>(node["name"], "");
     group.unit = value_or<std::string>(node["unit"], "");
@@ -64,7 +63,7 @@ ScenarioFacts read_facts(const std::string& yaml) {
     facts.groups.push_back(std::move(group));
   }
   for (const YAML::Node& node : items(root["estimators"])) {
-    if (!node.IsMap() || facts.estimators.size() == kEntriesMax) continue;
+    if (!node.IsMap() || facts.estimators.size() == kListedMax) continue;
     const auto name = value_or<std::string>(node["name"], "");
     const bool is_campaign_only = is_campaign_input(value_or<std::string>(node["input"], ""));
     facts.estimators.push_back({name, is_campaign_only, false});
@@ -90,9 +89,9 @@ ScenarioFacts read_facts(const std::string& yaml) {
   if (!model.IsMap()) return facts;
   facts.step_s = value_or<double>(model["step_s"], 0.0);
   if (!std::isfinite(facts.step_s) || facts.step_s < 0.0) facts.step_s = 0.0;
-  for (const YAML::Node& place : items(model["sensor_positions_m"])) {
-    if (!place.IsSequence() || place.size() < 2) continue;
-    facts.sensors.push_back({value_or<double>(place[0], NAN), value_or<double>(place[1], NAN)});
+  for (const YAML::Node& point : items(model["sensor_positions_m"])) {
+    if (!point.IsSequence() || point.size() < 2) continue;
+    facts.sensors.push_back({value_or<double>(point[0], NAN), value_or<double>(point[1], NAN)});
   }
   return facts;
 }
@@ -121,26 +120,20 @@ std::string state_label(const ScenarioFacts& facts, int state) {
 }
 
 ScenarioFacts read_scenario_facts(const std::string& yaml, const std::string& place) {
-  check_scenario_size(yaml, place);
   try {
-    return read_facts(yaml);
+    return read_facts(yaml, place);
   } catch (const YAML::Exception& error) {
     throw UsageError(place +
                      ": the scenario in its RUN_META cannot be read: " + printable(error.what()));
   }
 }
 
-std::vector<std::string> campaign_only_channels(const std::string& scenario) {
+std::vector<std::string> campaign_only_channels(const ScenarioFacts& facts) {
   std::vector<std::string> channels;
-  if (scenario.size() > kScenarioBytesMax) return channels;
-  try {
-    for (const ListedEstimator& listed : read_facts(scenario).estimators) {
-      if (!listed.is_campaign_only) continue;
-      channels.push_back(channel_name("EST_", listed.name));
-      channels.push_back(channel_name("SMOOTHED_", listed.name));
-    }
-  } catch (const YAML::Exception&) {
-    return {};
+  for (const ListedEstimator& listed : facts.estimators) {
+    if (!listed.is_campaign_only) continue;
+    channels.push_back(channel_name("EST_", listed.name));
+    channels.push_back(channel_name("SMOOTHED_", listed.name));
   }
   return channels;
 }

@@ -43,12 +43,12 @@ inline constexpr int kNoState = 1 << 30;
 /// the first group that holds the state.
 std::string state_label(const ScenarioFacts& facts, int state);
 
-/// Throws UsageError, which names the place, when the text is no YAML, or longer than
-/// kScenarioBytesMax.
+/// Throws UsageError, which names the place, when the text is no YAML, or holds more than
+/// kValuesMax.
 ScenarioFacts read_scenario_facts(const std::string& yaml, const std::string& place);
 
-/// Channels of estimates of a resolved scenario's estimators that know what only a simulation does,
-/// so that no live run has them. None when the text is no scenario, or too long for one.
-std::vector<std::string> campaign_only_channels(const std::string& scenario);
+/// Channels of estimates of a scenario's estimators that know what only a simulation does, so that
+/// no live run has them.
+std::vector<std::string> campaign_only_channels(const ScenarioFacts& facts);
 
 }  // namespace holdfast

@@ -1,6 +1,7 @@
 """holdfast-review reads what is left of a run's log, says what is gone, and never takes much memory."""
 import json
 import os
+import re
 import resource
 import struct
 import subprocess
@@ -14,6 +15,8 @@ STEPS = 40
 # Of the file's size, beyond what a small log takes. Measured: 2.3 of a run's log (2.9 with a report), 6 of hostile
 # ones; a third above that for other libraries.
 RUN_FACTOR, HOSTILE_FACTOR, BASE_BYTES = 4, 8, 32 << 20
+# What the values of a scenario take at most, however small the log; half as much was measured.
+SCENARIO_BYTES = 100 << 20
 
 
 def event(channel, payload, utime=0, number=0):
@@ -161,14 +164,19 @@ class ReviewDamageTest(RunTest):
 
     # Memory.
 
-    def peak_bytes(self, log, *arguments):
-        """Largest resident size of a review, which must succeed."""
+    def peak_bytes_and_status(self, *arguments):
+        """Largest resident size of a review, and its exit status."""
         with open(os.devnull, "w", encoding="ascii") as sink:
-            process = subprocess.Popen([harness.program("review"), log, *arguments], stdout=sink, stderr=sink)
+            process = subprocess.Popen([harness.program("review"), *arguments], stdout=sink, stderr=sink)
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
-        self.assertEqual(process.returncode, 0)
-        return usage.ru_maxrss * 1024
+        return usage.ru_maxrss * 1024, process.returncode
+
+    def peak_bytes(self, log, *arguments):
+        """Largest resident size of a review, which must succeed."""
+        peak, status = self.peak_bytes_and_status(log, *arguments)
+        self.assertEqual(status, 0)
+        return peak
 
     def check_memory(self, log, factor):
         allowed = factor * os.path.getsize(log) + BASE_BYTES
@@ -226,6 +234,29 @@ class ReviewDamageTest(RunTest):
                 parts.append(make(len(parts)))
                 length += len(parts[-1])
             self.check_memory(self.write(name + ".lcm", b"".join(parts)), HOSTILE_FACTOR)
+
+    @unittest.skipIf(is_sanitised(), "a sanitiser takes memory of its own")
+    def test_memory_of_hostile_scenarios(self):
+        # Lists of maps once took from 200 MB to 10 GB, in a log of 50 kB; a million values half a gigabyte.
+        log = self.write("own.lcm", self.data)
+        payload = next(payload for channel, payload in harness.read_log(log) if channel == "RUN_META")
+        own = holdfast.run_meta_t.decode(payload).scenario
+        hostile = {"estimators": "{}," * 16000, "state_groups": "{}," * 16000, "attacks": "{}," * 16000,
+                   "state_names": "a," * 45000, "unknown": "[]," * 45000, "too_many": "a," * 1000000}
+        for key, items in hostile.items():
+            meta = holdfast.run_meta_t()
+            meta.name = "hostile"
+            kept = [part for part in re.split(r"(?m)^(?=[a-z])", own) if not part.startswith(key + ":")]
+            meta.scenario = "".join(kept) + f"{key}: [{items}]\n"
+            self.assertNotEqual(meta.scenario, own)
+            log = self.write(key + ".lcm", event("RUN_META", meta.encode()) + self.data)
+            allowed = HOSTILE_FACTOR * os.path.getsize(log) + BASE_BYTES + SCENARIO_BYTES
+            review_status = 2 if key == "too_many" else 0
+            for arguments, expected in (((log,), review_status), (("--compare", log, log), 0)):
+                with self.subTest(key=key, arguments=arguments[0]):
+                    peak, status = self.peak_bytes_and_status(*arguments)
+                    self.assertEqual(status, expected)
+                    self.assertLess(peak, allowed)
 
     @unittest.skipIf(is_sanitised(), "a sanitiser takes memory of its own")
     def test_a_limit_on_the_address_space_is_enough(self):

@@ -1,9 +1,11 @@
 #include "common/configuration.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <limits>
 
+#include "common/configuration_text.h"
 #include "tests/support/catch.h"
 #include "tests/support/temporary_folder.h"
 
@@ -175,6 +177,44 @@ TEST_CASE("aliases that make a document endless, or too large, are refused") {
   ConfigurationDocument document =
       ConfigurationDocument::from_text("names: &n [c, d]\ntext: &t word\n", "s.yaml");
   CHECK(read_settings(document).names == std::vector<std::string>{"c", "d"});
+}
+
+TEST_CASE("a text of too many values is refused before it is built, a long one is not") {
+  const auto list_of = [](std::size_t size) {
+    std::string text = "names: [";
+    for (std::size_t i = 0; i < size; ++i) text += "a,\n";
+    return text + "]\ntext: " + std::string(1'000'000, 'x') + "\n";
+  };
+  // The map, two keys, the list and the long text count, too.
+  ConfigurationDocument document =
+      ConfigurationDocument::from_text(list_of(kValuesMax - 5), "s.yaml");
+  CHECK(read_settings(document).text.size() == 1'000'000);
+  CHECK_THROWS_WITH(ConfigurationDocument::from_text(list_of(kValuesMax - 4), "s.yaml"),
+                    Catch::StartsWith("s.yaml:49998: more than 50000 values, keys and lists"));
+}
+
+TEST_CASE("of a list that is too long the first maps are read, and no more is said of the others") {
+  std::string text = "points: [";
+  for (int i = 0; i < 7; ++i) text += "{x: " + std::to_string(i) + "}, ";
+  ConfigurationDocument document = ConfigurationDocument::from_text(text + "]\n", "s.yaml");
+  CHECK(document.root().maps("points", 7).size() == 7);
+  CHECK(document.root().maps("points", 6).size() == 6);
+  CHECK_THROWS_WITH(document.finish(), "s.yaml:1:9: points: has 7 entries, at most 6 are possible");
+}
+
+TEST_CASE("a hundred problems are told, and how many more there are") {
+  std::string text;
+  for (int i = 0; i < 250; ++i) text += "unknown_" + std::to_string(i) + ": 0\n";
+  ConfigurationDocument document = ConfigurationDocument::from_text(text, "s.yaml");
+  try {
+    document.finish();
+    FAIL("nothing was refused");
+  } catch (const ConfigurationError& error) {
+    const std::string told = error.what();
+    CHECK(std::count(told.begin(), told.end(), '\n') == 100);
+    CHECK(told.find("unknown_99:") != std::string::npos);
+    CHECK(told.ends_with("\ns.yaml: and 150 more problems"));
+  }
 }
 
 TEST_CASE("what the file says is read, and what it leaves out keeps its default") {

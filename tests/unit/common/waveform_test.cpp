@@ -4,6 +4,7 @@
 #include <fstream>
 #include <numbers>
 
+#include "common/configuration_text.h"
 #include "common/step_window.h"
 #include "tests/support/catch.h"
 #include "tests/support/temporary_folder.h"
@@ -59,6 +60,22 @@ TEST_CASE("samples come from a file, stand in the resolved document, and end in 
   CHECK(waveform.value(-1, 1.0) == 0.0);
   CHECK(resolved.find("file") == std::string::npos);
   CHECK(waveform_of(resolved).samples == waveform.samples);
+}
+
+TEST_CASE("more samples than a configuration may list come from a file, or as a text") {
+  const testing::TemporaryFolder folder;
+  std::ofstream file(folder.file("a.txt"));
+  for (std::size_t i = 0; i < 2 * kValuesMax; ++i) file << 0.1 * static_cast<double>(i) << "\n";
+  file.close();
+  std::string resolved;
+  const Waveform waveform =
+      waveform_of("{waveform: samples, file: a.txt}", folder.file(""), &resolved);
+  CHECK(waveform.samples.size() == 2 * kValuesMax);
+  CHECK(waveform_of(resolved).samples == waveform.samples);
+  CHECK(waveform_of("{waveform: samples, samples: \"1\\n2.5\"}").samples ==
+        std::vector<double>{1.0, 2.5});
+  CHECK_THROWS_WITH(waveform_of("{waveform: samples, samples: \"1\\n2 x\"}"),
+                    Catch::Contains("samples: line:2: must be one finite number"));
 }
 
 TEST_CASE("a file that holds no samples is told, with its line") {

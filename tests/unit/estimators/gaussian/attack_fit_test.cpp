@@ -104,6 +104,30 @@ TEST_CASE("expectation-maximisation climbs, and finds the attacks from a wrong g
   }
 }
 
+TEST_CASE("a vague guess of a bias learns what one reading shows, not the guess's rounding") {
+  // By an endless prior a = y - z, whose covariance is Phh + R.
+  const Eigen::Vector2d h(30.0, -20.0), y(100.0, 50.0);
+  Eigen::Matrix2d R, Phh;
+  R << 12.0, 3.0, 3.0, 12.0;
+  Phh << 700.0, 100.0, 100.0, 400.0;
+  for (const double std : {1e3, 1e6, 1e9}) {
+    INFO(std);
+    AttackStatistics statistics = plain_attacks();
+    statistics.bias_covariance = std * std * Eigen::Matrix2d::Identity();
+    Observation<2, 2> observation;
+    observation.h = h;
+    observation.Phh = Phh;
+    AttackFit fit(2);
+    std::array<double, kNumAttackHypotheses> probabilities{};
+    probabilities[static_cast<std::size_t>(AttackHypothesis::kBiased)] = 1.0;
+    fit.add<2, 2>(observation, R, SizedAttackStatistics<2>(statistics), statistics, probabilities,
+                  y);
+    fit.maximise(statistics);
+    CHECK(statistics.bias_mean.isApprox(y - h, 2e3 / (std * std) + 1e-12));
+    CHECK(statistics.bias_covariance.isApprox(Phh + R, 2e3 / (std * std) + 1e-12));
+  }
+}
+
 TEST_CASE("without a reading a fit keeps what it was told") {
   const SystemModel model = aircraft();
   const AttackMixture first(model, mixture_options(wrong_guess()), kPosition);

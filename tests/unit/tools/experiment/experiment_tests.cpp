@@ -1,6 +1,11 @@
 #include "tools/experiment.h"
 
+#include <fstream>
+#include <sstream>
+
+#include "common/configuration_text.h"
 #include "tests/support/catch.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/support/texts.h"
 #include "tests/unit/tools/experiment/scenario_texts.h"
 #include "tools/simulation.h"
@@ -29,6 +34,42 @@ TEST_CASE("a resolved scenario stands for itself") {
       REQUIRE(b.advance());
       CHECK(a.estimates()[0]->mean == b.estimates()[0]->mean);
     }
+  }
+}
+
+TEST_CASE("a vendor's large DBC has its place in a scenario, too many values have not") {
+  const TemporaryFolder folder;
+  std::ostringstream dbc;
+  dbc << std::ifstream(std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/turning_target.dbc").rdbuf();
+  for (int i = 0; i < 6000; ++i)
+    dbc << "\nBO_ " << 0x80010000 + i << " Unused" << i << ": 8 Vendor\n SG_ Value : 0|16@1+ (1,0) "
+        << "[0|0] \"\" Vector__XXX\n";
+  std::ofstream(folder.file("vendor.dbc")) << dbc.str();
+  const Experiment large =
+      load_experiment(scenario("turning_target"), {"network.dbc=" + folder.file("vendor.dbc")});
+  CHECK(large.resolved.size() > 400'000);
+  CHECK(experiment_from_text(large.resolved, "resolved").resolved == large.resolved);
+
+  std::string samples;
+  for (std::size_t i = 0; i < kValuesMax; ++i) samples += "0,";
+  CHECK_THROWS_WITH(
+      load_experiment(
+          scenario("fifth_order"),
+          {"plant.signal_attacks=[{channel: a_1, waveform: samples, samples: [" + samples + "]}]"}),
+      Catch::Contains("fifth_order.yaml, with its defaults:") &&
+          Catch::Contains("more than 50000 values"));
+}
+
+TEST_CASE("what costs memory for each step is bounded before it is read") {
+  const auto listed = [](const std::string& key, int count) {
+    std::string text = key + "=[";
+    for (int i = 0; i < count; ++i) text += "{},";
+    return text + "]";
+  };
+  for (const char* key : {"estimators", "state_groups", "campaign.windows", "attacks"}) {
+    INFO(key);
+    CHECK_THROWS_WITH(load_experiment(scenario("binary_tracking"), {listed(key, 10'000)}),
+                      Catch::Contains("has 10000 entries, at most"));
   }
 }
 

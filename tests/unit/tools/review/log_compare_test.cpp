@@ -5,12 +5,11 @@
 #include <limits>
 #include <regex>
 
+#include "common/configuration_text.h"
 #include "common/run_meta.h"
 #include "tests/support/catch.h"
 #include "tests/unit/tools/review/review_logs.h"
-#include "tools/experiment.h"
 #include "tools/log_fields.h"
-#include "tools/scenario_facts.h"
 
 namespace holdfast {
 namespace {
@@ -170,15 +169,34 @@ TEST_CASE("what smoothing would give is named as that where it is missing") {
         std::string::npos);
 }
 
-TEST_CASE("a scenario that is longer than a log may carry is not parsed") {
-  const std::string padding = "#" + std::string(kScenarioBytesMax, ' ') + "\n";
-  CHECK(campaign_only_channels(kScenario).size() == 2);
-  CHECK(campaign_only_channels(padding + kScenario).empty());
-  CHECK_NOTHROW(read_scenario_facts(kScenario, "here"));
-  CHECK_THROWS_WITH(read_scenario_facts(padding + kScenario, "here"),
-                    Catch::StartsWith("here: the resolved scenario is longer than 256 kB"));
-  CHECK_THROWS_WITH(experiment_from_text(padding, "there"),
-                    Catch::StartsWith("there: the resolved"));
+// A log with these RUN_META, and an estimate on each channel.
+void write_log(const std::string& file, const std::vector<run_meta_t>& metas,
+               const std::vector<std::string>& channels) {
+  LogWriter log(file);
+  for (run_meta_t meta : metas) log.write_message("RUN_META", 0, meta);
+  for (const std::string& channel : channels) write_estimate(log, channel, 1, {1.0});
+}
+
+TEST_CASE("which channels only a campaign has is read of the scenario that is whole") {
+  const TemporaryFolder folder;
+  const RunMeta meta{"x", kScenario, 1, 0, ""};
+  run_meta_t good = to_message(meta), damaged = good, huge = good;
+  damaged.scenario[damaged.scenario.find("clean")] = 'C';
+  huge.scenario = "x: [";
+  for (std::size_t i = 0; i < kValuesMax; ++i) huge.scenario += "a,";
+  huge.scenario += "]\n" + kScenario;
+  huge.scenario_hash = "";
+  write_log(folder.file("campaign"), {good}, {"EST_A", "EST_UNCORRUPTED"});
+  const auto compare = [&](const std::vector<run_meta_t>& metas) {
+    write_log(folder.file("live"), metas, {"EST_A"});
+    return compare_logs(folder.file("campaign"), folder.file("live"));
+  };
+  CHECK(compare({good}).is_equal);
+  CHECK(compare({damaged, good}).is_equal);
+  CHECK_FALSE(compare({}).is_equal);
+  const CompareResult refused = compare({huge});
+  CHECK_FALSE(refused.is_equal);
+  CHECK(refused.text().find("more than 50000 values") != std::string::npos);
 }
 
 TEST_CASE("steps that stand twice are told") {

@@ -303,41 +303,91 @@ TEST_CASE("what a fit cannot take from an estimator is left out, refused or name
   }
   CHECK_THROWS_AS(fit_with("assumes.changes=[{first_step: 100, attack_probability: 0.9}]"),
                   UsageError);
+}
+
+TEST_CASE("what a fit cannot move is named, each direction of a bias included") {
   using Names = std::vector<std::string>;
-  AttackStatistics guess = plain.statistics;
-  CHECK(unmoved_beliefs(guess).empty());
-  guess.bias_covariance.setZero();
-  CHECK(unmoved_beliefs(guess) == Names{"bias.mean and .covariance"});
+  AttackStatistics guess = AttackStatistics::of_size(2);
+  guess.attack_probability = guess.dos_probability = 0.3;
+  guess.bias_probability = guess.scale_probability = 0.3;
+  guess.scale_std = 0.1;
+  guess.bias_covariance << 2.0, 0.5, 0.5, 1.0;
+  AttackStatistics next = guess;
+  CHECK(unmoved_beliefs(guess, next) == Names{"bias.mean and .covariance", "scale.mean and .std"});
+  next.bias_mean[0] += 0.1;
+  next.scale_mean += 0.1;
+  CHECK(unmoved_beliefs(guess, next).empty());
+  guess.bias_covariance << 2.0, 0.0, 0.0, 0.0;
+  CHECK(unmoved_beliefs(guess, next) == Names{"bias.mean[1] and .covariance[1]"});
+  guess.bias_covariance << 1e-8, 1.0, 1.0, 1e8;
+  CHECK(unmoved_beliefs(guess, next) ==
+        Names{"bias.mean and .covariance across the directions in which they scatter"});
+  guess.bias_covariance << 1e-8, 0.99, 0.99, 1e8;
   guess.scale_probability = 1.0;
-  CHECK(unmoved_beliefs(guess) == Names{"bias.mean and .covariance", "scale.probability"});
+  CHECK(unmoved_beliefs(guess, next) == Names{"scale.probability"});
   guess.dos_probability = 1.0;
-  CHECK(unmoved_beliefs(guess) == Names{"dos_probability", "bias.probability",
-                                        "bias.mean and .covariance", "scale.probability",
-                                        "scale.mean and .std"});
+  CHECK(unmoved_beliefs(guess, next) ==
+        Names{"dos_probability", "bias.probability", "scale.probability"});
 }
 
 TEST_CASE("what is said not to move does not, and all the rest does") {
-  const std::string certain = "estimators.mixture.assumes.bias={probability: 0.3, std: 0}";
-  for (const bool is_certain : {false, true}) {
-    std::vector<std::string> overrides = {"steps=200"};
-    if (is_certain) overrides.push_back(certain);
-    const Logs logs("turning_target", overrides);
+  struct Case {
+    const char *bias, *unmoved;
+    Eigen::Vector2d across;  // direction in which the mean stays; zero: in none
+  };
+  const Case cases[] = {{"std: 1", "", {0.0, 0.0}},
+                        {"std: [1, 0]", "bias.mean[1] and .covariance[1]", {0.0, 1.0}},
+                        {"covariance: [[1, 1], [1, 1]]",
+                         "bias.mean and .covariance across the directions in which they scatter",
+                         {1.0, -1.0}},
+                        {"std: 0", "bias.mean and .covariance", {1.0, 1.0}}};
+  for (const Case& one : cases) {
+    INFO(one.bias);
+    const Logs logs("turning_target",
+                    {"steps=200", std::string("estimators.mixture.assumes.bias={probability: "
+                                              "0.3, mean: [0.5, 0.25], ") +
+                                      one.bias + "}"});
     LogFitOptions options;
     options.log_file = logs.run;
     options.name = "mixture";
-    options.rounds_max = 2;
-    std::vector<AttackStatistics> seen;
-    options.on_round = [&seen](const LogFitRound& round) { seen.push_back(round.statistics); };
+    options.rounds_max = 3;
+    std::vector<LogFitRound> rounds;
+    options.on_round = [&rounds](const LogFitRound& round) { rounds.push_back(round); };
     fit_log(options);
-    const AttackStatistics &guess = seen.front(), &last = seen.back();
-    CHECK(unmoved_beliefs(guess).size() == (is_certain ? 1 : 0));
-    CHECK((last.bias_mean == guess.bias_mean) == is_certain);
-    CHECK((last.bias_covariance == guess.bias_covariance) == is_certain);
+    const AttackStatistics &guess = rounds.front().statistics, &last = rounds.back().statistics;
+    const std::string unmoved = one.unmoved;
+    CHECK(rounds.front().unmoved ==
+          (unmoved.empty() ? std::vector<std::string>{} : std::vector{unmoved}));
+    const Eigen::Vector2d moved = last.bias_mean - guess.bias_mean;
+    CHECK(moved.dot(one.across) == Approx(0.0).margin(1e-12));
+    CHECK((moved.norm() > 1e-3) == (unmoved != "bias.mean and .covariance"));
     CHECK(last.bias_probability != guess.bias_probability);
     CHECK(last.attack_probability != guess.attack_probability);
     CHECK(last.scale_mean != guess.scale_mean);
     CHECK(last.scale_std != guess.scale_std);
   }
+}
+
+TEST_CASE("beliefs that were fitted stay while the log is smoothed, whatever the filter learns") {
+  std::vector<std::vector<double>> smoothed[2];
+  for (const int learns : {0, 1}) {
+    const Logs logs("turning_target", {"steps=200", std::string("estimators.mixture.learn_over_") +
+                                                        "steps=" + (learns != 0 ? "20" : "0")});
+    LogSmootherOptions options = logs.options();
+    options.name = "mixture";
+    options.statistics = AttackStatistics::of_size(2);
+    options.statistics->attack_probability = 0.5;
+    options.statistics->bias_covariance.setIdentity();
+    smooth_log(options);
+    estimate_t estimate;
+    for (const LogEvent& event : events_of(logs.smoothed)) {
+      if (event.channel != "SMOOTHED_MIXTURE") continue;
+      REQUIRE(decode_guarded(event.data, estimate));
+      smoothed[learns].push_back(estimate.mean);
+    }
+  }
+  CHECK(smoothed[0].size() == 200);
+  CHECK(smoothed[0] == smoothed[1]);
 }
 
 TEST_CASE("a fit bears biases that scatter little, or lie far away") {
