@@ -26,7 +26,6 @@ std::optional<DbcSignal> copy_of(const DbcSignal* signal) {
 
 RuleTable::RuleTable(const std::vector<AttackRule>& rules, const FrameLayout& layout) {
   Draft draft;
-  draft.standard.resize(kNumStandardIdentifiers);
   enter_named_extended(rules, layout.dbc);
   for (std::uint32_t index = 0; index < rules.size(); ++index) {
     const AttackRule& rule = rules[index];
@@ -40,11 +39,11 @@ RuleTable::RuleTable(const std::vector<AttackRule>& rules, const FrameLayout& la
     }
   }
   offset_.reserve(kNumStandardIdentifiers + 1);
-  for (const auto& list : draft.standard) {
-    offset_.push_back(static_cast<std::uint32_t>(candidates_.size()));
+  for (const auto& [identifier, list] : draft.standard) {
+    offset_.resize(identifier + 1, static_cast<std::uint32_t>(candidates_.size()));
     candidates_.insert(candidates_.end(), list.begin(), list.end());
   }
-  offset_.push_back(static_cast<std::uint32_t>(candidates_.size()));
+  offset_.resize(kNumStandardIdentifiers + 1, static_cast<std::uint32_t>(candidates_.size()));
 }
 
 // The identifiers that stand by themselves come first, so that rules by mask reach them in the

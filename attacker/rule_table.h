@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -66,7 +67,7 @@ class RuleTable {
 
  private:
   struct Draft {
-    std::vector<std::vector<RuleCandidate>> standard;  // by 11-bit identifier
+    std::map<std::uint32_t, std::vector<RuleCandidate>> standard;  // by 11-bit identifier
     std::unordered_map<const DbcMessage*, std::shared_ptr<const DbcMessage>> messages;
   };
 

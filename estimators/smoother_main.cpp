@@ -25,8 +25,8 @@ void show_progress(std::int64_t step, std::int64_t num_steps) {
 void show_round(const LogFitRound& round) {
   if (round.round == 0) {
     for (const std::string& belief : round.unmoved) {
-      std::cerr << "holdfast-smoother"
-                << ": " << belief << ": stays as the scenario guesses; docs/gslr.md says why\n";
+      std::cerr << "holdfast-smoother: " << belief
+                << ": stays as the scenario guesses; docs/gslr.md says why\n";
     }
     std::printf("%5s %16s %8s %8s %8s %8s %10s %9s %9s\n", "round", "log-likelihood", "attack",
                 "dos", "bias", "scale", "scale mean", "scale std", "change");

@@ -12,7 +12,8 @@
 namespace holdfast {
 namespace {
 
-constexpr double kWait_s = 0.002;
+// For the next results; other processes' wishes are looked at in between.
+constexpr double kWaitAlone_s = 0.02, kWait_s = 0.002;
 constexpr std::int64_t kCommit_ns = 200'000'000;
 constexpr std::size_t kJobsPerRangeMax = 32;
 
@@ -114,11 +115,12 @@ void run_campaign(const CampaignPlan& plan, CampaignStore& store, ProcessGroup& 
   const int num_threads = options.num_threads > 0 ? options.num_threads : default_threads(group);
   RunPool pool(plan, num_threads);
   Dispatcher dispatcher(group, ranges, store);
+  const double wait_s = group.size() == 1 ? kWaitAlone_s : kWait_s;
   std::int64_t committed_ns = monotonic_time_ns();
   while (num_done < num_all) {
     if (pool.num_waiting() < static_cast<std::size_t>(num_threads))
       pool.add(ranges.next(static_cast<std::size_t>(num_threads)));
-    for (const RunResult& result : pool.take_results(kWait_s)) {
+    for (const RunResult& result : pool.take_results(wait_s)) {
       store.add(result);
       ++num_done;
     }

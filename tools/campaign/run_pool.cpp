@@ -4,7 +4,15 @@
 
 namespace holdfast {
 
-RunPool::RunPool(const CampaignPlan& plan, int num_threads) : plan_(plan) {
+namespace {
+
+// The owner shares the cores with the threads: each time that it wakes costs one of them its cache.
+constexpr std::size_t kResultsTogether = 16;
+
+}  // namespace
+
+RunPool::RunPool(const CampaignPlan& plan, int num_threads)
+    : plan_(plan), low_water_(static_cast<std::size_t>(num_threads)) {
   for (int i = 0; i < num_threads; ++i) threads_.emplace_back([this] { work(); });
 }
 
@@ -21,6 +29,7 @@ void RunPool::add(const std::vector<CampaignJob>& jobs) {
   {
     const std::scoped_lock lock(mutex_);
     jobs_.insert(jobs_.end(), jobs.begin(), jobs.end());
+    wants_jobs_ = false;
   }
   has_job_.notify_all();
 }
@@ -33,9 +42,15 @@ std::size_t RunPool::num_waiting() {
 std::vector<RunResult> RunPool::take_results(double wait_s) {
   std::unique_lock lock(mutex_);
   has_result_.wait_for(lock, std::chrono::duration<double>(wait_s),
-                       [this] { return !results_.empty() || failure_; });
+                       [this] { return needs_owner(); });
   if (failure_) std::rethrow_exception(failure_);
+  wants_jobs_ = false;
   return std::exchange(results_, {});
+}
+
+bool RunPool::needs_owner() const {
+  return failure_ || wants_jobs_ || results_.size() >= kResultsTogether ||
+         (jobs_.empty() && !results_.empty());
 }
 
 void RunPool::work() {
@@ -47,17 +62,20 @@ void RunPool::work() {
       if (is_ending_) return;
       job = jobs_.front();
       jobs_.pop_front();
+      wants_jobs_ = wants_jobs_ || jobs_.size() + 1 == low_water_;
+      if (wants_jobs_) has_result_.notify_one();
     }
     try {
       const auto& point = plan_.points[static_cast<std::size_t>(job.first)];
       RunResult result = simulate_run(point.experiment, job.first, job.second);
       const std::scoped_lock lock(mutex_);
       results_.push_back(std::move(result));
+      if (needs_owner()) has_result_.notify_one();
     } catch (...) {
       const std::scoped_lock lock(mutex_);
       if (!failure_) failure_ = std::current_exception();
+      has_result_.notify_one();
     }
-    has_result_.notify_one();
   }
 }
 

@@ -30,19 +30,22 @@ class RunPool {
   void add(const std::vector<CampaignJob>& jobs);
   /// Jobs that no thread has begun.
   std::size_t num_waiting();
-  /// Results that are there; waits up to the time for the first one. Throws what a job threw.
+  /// Results that are there; waits up to the time until there are some together, the last ones are
+  /// there, or the threads will soon need jobs. Throws what a job threw.
   std::vector<RunResult> take_results(double wait_s);
 
  private:
   void work();
+  bool needs_owner() const;
 
   const CampaignPlan& plan_;
+  const std::size_t low_water_;  // of jobs, below which the owner is asked for more
   std::mutex mutex_;
   std::condition_variable has_job_, has_result_;
   std::deque<CampaignJob> jobs_;
   std::vector<RunResult> results_;
   std::exception_ptr failure_;
-  bool is_ending_ = false;
+  bool is_ending_ = false, wants_jobs_ = false;
   std::vector<std::thread> threads_;
 };
 
