@@ -1,8 +1,6 @@
 #include "common/configuration.h"
 
 #include <algorithm>
-#include <array>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <sstream>
@@ -13,13 +11,6 @@
 
 namespace holdfast {
 
-std::string shortest_text(double value) {
-  if (std::isinf(value)) return value > 0.0 ? ".inf" : "-.inf";
-  std::array<char, 32> buffer;
-  const auto end = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value).ptr;
-  return {buffer.data(), end};
-}
-
 struct ConfigurationMap::Shared {
   std::string file_name;
   YAML::Node document;
@@ -29,6 +20,10 @@ struct ConfigurationMap::Shared {
   static constexpr std::size_t kProblemsMax = 100;
   std::vector<std::pair<YAML::Mark, std::string>> problems;
   std::size_t num_untold = 0;
+  // Entries of all lists of maps, whose defaults take far more memory than they do.
+  static constexpr std::size_t kEntriesMax = 4096;
+  std::size_t num_entries = 0;
+  bool may_read_files = true;
   // Overrides are read as if they stood on the lines after the file's last one.
   std::vector<std::string> overrides;
   int num_file_lines = 0;
@@ -109,18 +104,6 @@ std::string shape(const YAML::Node& node) {
 }
 
 }  // namespace
-
-bool Interval::contains(double value) const {
-  return (low_is_open ? value > low : value >= low) && value <= high;
-}
-
-std::string Interval::text() const {
-  if (std::isinf(high) && low == 0.0) return low_is_open ? "above 0" : "0 or more";
-  std::ostringstream text;
-  text.precision(10);
-  text << "in " << (low_is_open ? "(" : "[") << low << ", " << high << "]";
-  return text.str();
-}
 
 ConfigurationMap::ConfigurationMap(std::shared_ptr<Shared> shared, YAML::Node node,
                                    YAML::Node resolved, std::string path, YAML::Mark mark)
@@ -347,6 +330,12 @@ std::vector<ConfigurationMap> ConfigurationMap::maps(std::string_view key, std::
     shared_->raw_paths.insert(path(key));
   }
   for (std::size_t i = 0; i < std::min(node.size(), most); ++i) {
+    if (++shared_->num_entries > Shared::kEntriesMax) {
+      problem(key, "more than " + std::to_string(Shared::kEntriesMax) +
+                       " entries in all lists together are too many");
+      shared_->raw_paths.insert(path(key));
+      return {};
+    }
     const std::string item_path = path(key) + "[" + std::to_string(i) + "]";
     YAML::Node item(YAML::NodeType::Map);
     resolved.push_back(item);
@@ -357,6 +346,11 @@ std::vector<ConfigurationMap> ConfigurationMap::maps(std::string_view key, std::
     list.push_back({shared_, node[i], item, item_path, node[i].Mark()});
   }
   return list;
+}
+
+bool ConfigurationMap::may_read_file(std::string_view key) {
+  if (!shared_->may_read_files) problem(key, "a scenario out of a log or results names no files");
+  return shared_->may_read_files;
 }
 
 bool ConfigurationMap::scalar_text(std::string_view key, std::string& text) const {
@@ -403,12 +397,12 @@ ConfigurationDocument ConfigurationDocument::from_text(const std::string& text,
   if (!read.IsDefined() || !read.IsMap()) {
     throw ConfigurationError(file_name + ":1:1: must be one YAML map of keys and values");
   }
-  require_finite(read, text, file_name);
+  require_finite(read, file_name);
   document.shared_->document.reset(read);
   int line = document.shared_->num_file_lines;
   for (const std::string& assignment : overrides) {
     apply_override(document.shared_->document, assignment, line++);
-    require_finite(document.shared_->document, text + assignment, "--set " + assignment);
+    require_finite(document.shared_->document, "--set " + assignment);
   }
   document.shared_->overrides = overrides;
   return document;
@@ -416,6 +410,10 @@ ConfigurationDocument ConfigurationDocument::from_text(const std::string& text,
 
 ConfigurationMap ConfigurationDocument::root() {
   return {shared_, shared_->document, shared_->resolved, "", shared_->document.Mark()};
+}
+
+void ConfigurationDocument::forbid_files() {
+  shared_->may_read_files = false;
 }
 
 void ConfigurationDocument::finish() {

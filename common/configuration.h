@@ -15,7 +15,7 @@
 
 namespace holdfast {
 
-/// The problems of a configuration file, the first hundred, one a line, each with file:line:column.
+/// The problems of a configuration file, at most a hundred, one a line, each with file:line:column.
 class ConfigurationError : public UsageError {
  public:
   using UsageError::UsageError;
@@ -83,6 +83,9 @@ class ConfigurationMap {
   /// True when the key holds a plain value (not a map or list); its text.
   bool scalar_text(std::string_view key, std::string& text) const;
 
+  /// False, and reported, where the document may name no files.
+  bool may_read_file(std::string_view key);
+
   /// Reports a problem of the key (or of the map itself when the key is not there).
   void problem(std::string_view key, const std::string& text);
   /// Replaces what the resolved document says of the key.
@@ -121,6 +124,8 @@ class ConfigurationDocument {
                                          const std::vector<std::string>& overrides = {});
 
   ConfigurationMap root();
+  /// For a text that strangers wrote: no file that it names is opened.
+  void forbid_files();
   /// Throws ConfigurationError with every problem found, unknown keys included.
   void finish();
   /// The document with every default written out; valid after finish().

@@ -76,6 +76,7 @@ void Waveform::read(ConfigurationMap& map, const std::string& folder, bool may_w
   if (map.has("file")) {
     std::string file, trouble;
     map.read("file", file);
+    if (!map.may_read_file("file")) return;
     const std::string path = (std::filesystem::path(folder) / file).string();
     std::ifstream stream(path);
     if (stream) samples = read_samples(stream, path, trouble);

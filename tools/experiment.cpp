@@ -347,7 +347,9 @@ Experiment load_experiment(const std::string& file, const std::vector<std::strin
 }
 
 Experiment experiment_from_text(const std::string& text, const std::string& place) {
-  return read_experiment(ConfigurationDocument::from_text(text, place), "");
+  ConfigurationDocument document = ConfigurationDocument::from_text(text, place);
+  document.forbid_files();
+  return read_experiment(std::move(document), "");
 }
 
 }  // namespace holdfast

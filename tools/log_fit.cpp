@@ -54,11 +54,12 @@ void add_exact_parts(const Eigen::MatrixXd& covariance, std::vector<std::string>
       keys.push_back("bias.mean" + row + " and .covariance" + row);
     }
   }
+  if (scattered.empty()) return;
   const Eigen::VectorXd scale = covariance.diagonal()(scattered).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd correlation =
       scale.asDiagonal() * covariance(scattered, scattered) * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation, Eigen::EigenvaluesOnly);
-  if (!scattered.empty() && solver.eigenvalues()[0] < kSingularBelow)
+  if (solver.eigenvalues()[0] < kSingularBelow)
     keys.emplace_back("bias.mean and .covariance across the directions in which they scatter");
 }
 

@@ -15,6 +15,8 @@
 namespace holdfast {
 namespace {
 
+constexpr std::size_t kNameBytesMax = 200;
+
 // Elements of a list; none when the node is anything else.
 YAML::Node items(const YAML::Node& node) {
   return node && node.IsSequence() ? node : YAML::Node(YAML::NodeType::Sequence);
@@ -25,6 +27,16 @@ T value_or(const YAML::Node& node, const T& fallback) {
   return node && node.IsScalar() ? node.as<T>(fallback) : fallback;
 }
 
+// Ours are short; a stranger's may not fill every table. Cut between characters of UTF-8.
+std::string short_text(const YAML::Node& node) {
+  auto text = value_or<std::string>(node, "");
+  if (text.size() <= kNameBytesMax) return text;
+  std::size_t end = kNameBytesMax;
+  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;
+  text.resize(end);
+  return text;
+}
+
 YAML::Node child(const YAML::Node& node, const char* key) {
   const YAML::Node found = node.IsMap() ? node[key] : YAML::Node();
   return found ? found : YAML::Node();
@@ -33,7 +45,8 @@ YAML::Node child(const YAML::Node& node, const char* key) {
 std::string family_of(const YAML::Node& root) {
   YAML::Node shared(YAML::NodeType::Map);
   for (const auto& entry : root) {
-    if (value_or<std::string>(entry.first, "") != "seed") shared[entry.first] = entry.second;
+    if (value_or<std::string>(entry.first, "") != "seed")
+      shared.force_insert(entry.first, entry.second);
   }
   return scenario_hash(YAML::Dump(shared));
 }
@@ -48,12 +61,12 @@ ScenarioFacts read_facts(const std::string& yaml, const std::string& place) {
   if (!root.IsMap()) return facts;
   facts.num_steps = std::max<std::int64_t>(0, value_or<std::int64_t>(root["steps"], 0));
   for (const YAML::Node& name : items(root["state_names"]))
-    facts.state_names.push_back(value_or<std::string>(name, ""));
+    facts.state_names.push_back(short_text(name));
   for (const YAML::Node& node : items(root["state_groups"])) {
     if (!node.IsMap() || facts.groups.size() == kListedMax) continue;
     StateGroup group;
-    group.name = value_or<std::string>(node["name"], "");
-    group.unit = value_or<std::string>(node["unit"], "");
+    group.name = short_text(node["name"]);
+    group.unit = short_text(node["unit"]);
     group.lost_above = value_or<double>(node["lost_above"], 0.0);
     if (!(group.lost_above >= 0.0)) group.lost_above = 0.0;
     for (const YAML::Node& state : items(node["states"])) {
@@ -64,7 +77,7 @@ ScenarioFacts read_facts(const std::string& yaml, const std::string& place) {
   }
   for (const YAML::Node& node : items(root["estimators"])) {
     if (!node.IsMap() || facts.estimators.size() == kListedMax) continue;
-    const auto name = value_or<std::string>(node["name"], "");
+    const auto name = short_text(node["name"]);
     const bool is_campaign_only = is_campaign_input(value_or<std::string>(node["input"], ""));
     facts.estimators.push_back({name, is_campaign_only, false});
     const YAML::Node smoother = node["smoother"];

@@ -33,7 +33,7 @@ std::string read_dbc_text(ConfigurationMap& map, const std::string& folder, std:
   map.forget("dbc");
   map.read("dbc_text", text);
   if (!has_file) return map.has("dbc_text") ? "dbc_text" : "";
-  if (file.empty()) return "";
+  if (file.empty() || !map.may_read_file("dbc")) return "";
   const std::filesystem::path path = std::filesystem::path(folder) / file;
   const std::optional<std::string> content = read_dbc_file(path.string());
   if (!content) {

@@ -242,7 +242,9 @@ class ReviewDamageTest(RunTest):
         payload = next(payload for channel, payload in harness.read_log(log) if channel == "RUN_META")
         own = holdfast.run_meta_t.decode(payload).scenario
         hostile = {"estimators": "{}," * 16000, "state_groups": "{}," * 16000, "attacks": "{}," * 16000,
-                   "state_names": "a," * 45000, "unknown": "[]," * 45000, "too_many": "a," * 1000000}
+                   "state_names": "a," * 45000, "unknown": "[]," * 45000, "too_many": "a," * 1000000,
+                   "nested": "[" + "a," * 1000000 + "]", "aliased": "&a " + "b" * 100000 + ",*a" * 20000}
+        refused = ("too_many", "nested", "aliased")
         for key, items in hostile.items():
             meta = holdfast.run_meta_t()
             meta.name = "hostile"
@@ -251,7 +253,7 @@ class ReviewDamageTest(RunTest):
             self.assertNotEqual(meta.scenario, own)
             log = self.write(key + ".lcm", event("RUN_META", meta.encode()) + self.data)
             allowed = HOSTILE_FACTOR * os.path.getsize(log) + BASE_BYTES + SCENARIO_BYTES
-            review_status = 2 if key == "too_many" else 0
+            review_status = 2 if key in refused else 0
             for arguments, expected in (((log,), review_status), (("--compare", log, log), 0)):
                 with self.subTest(key=key, arguments=arguments[0]):
                     peak, status = self.peak_bytes_and_status(*arguments)

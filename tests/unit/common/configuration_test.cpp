@@ -193,6 +193,35 @@ TEST_CASE("a text of too many values is refused before it is built, a long one i
                     Catch::StartsWith("s.yaml:49998: more than 50000 values, keys and lists"));
 }
 
+TEST_CASE(
+    "a text that aliases multiply, or whose brackets may still be a key, is refused unbuilt") {
+  std::string text = "text: &a " + std::string(100'000, 'b') + "\nnames: [";
+  for (int i = 0; i < 30; ++i) text += "*a, ";
+  CHECK_THROWS_WITH(ConfigurationDocument::from_text(text + "]\n", "s.yaml"),
+                    "s.yaml: aliases (*) make it too large");
+  std::string nested = "names: [[";
+  for (std::size_t i = 0; i < 5 * kValuesMax; ++i) nested += "a,";
+  CHECK_THROWS_WITH(ConfigurationDocument::from_text(nested + "]]\n", "s.yaml"),
+                    Catch::StartsWith("s.yaml: more than 200000 commas and opened brackets"));
+}
+
+TEST_CASE("all lists of maps together have a bound, too") {
+  std::string text = "outer: [";
+  for (int i = 0; i < 100; ++i) {
+    text += "{inner: [";
+    for (int j = 0; j < 100; ++j) text += "{},";
+    text += "]},";
+  }
+  ConfigurationDocument document = ConfigurationDocument::from_text(text + "]\n", "s.yaml");
+  std::size_t num_read = 0;
+  for (ConfigurationMap& outer : document.root().maps("outer"))
+    num_read += outer.maps("inner").size();
+  CHECK(num_read < 4096);
+  CHECK(num_read > 3000);
+  CHECK_THROWS_WITH(document.finish(),
+                    Catch::Contains("more than 4096 entries in all lists together"));
+}
+
 TEST_CASE("of a list that is too long the first maps are read, and no more is said of the others") {
   std::string text = "points: [";
   for (int i = 0; i < 7; ++i) text += "{x: " + std::to_string(i) + "}, ";

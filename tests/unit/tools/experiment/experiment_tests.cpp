@@ -60,6 +60,24 @@ TEST_CASE("a vendor's large DBC has its place in a scenario, too many values hav
           Catch::Contains("more than 50000 values"));
 }
 
+TEST_CASE("a scenario out of a log opens no file, whatever it names") {
+  std::string text = load_experiment(scenario("fifth_order")).resolved;
+  const auto with = [&text](const std::string& before, const std::string& after) {
+    std::string other = text;
+    const std::size_t at = other.find(before);
+    REQUIRE(at != std::string::npos);
+    return other.replace(at, before.size(), after);
+  };
+  CHECK_NOTHROW(experiment_from_text(text, "log"));
+  CHECK_THROWS_WITH(
+      experiment_from_text(with("dbc_text:", "dbc: /dev/zero\n  unknown:"), "log"),
+      Catch::Contains("network.dbc: a scenario out of a log or results names no files"));
+  CHECK_THROWS_WITH(
+      experiment_from_text(with("waveform: constant", "waveform: samples\n      file: /dev/zero"),
+                           "log"),
+      Catch::Contains("file: a scenario out of a log or results names no files"));
+}
+
 TEST_CASE("what costs memory for each step is bounded before it is read") {
   const auto listed = [](const std::string& key, int count) {
     std::string text = key + "=[";
