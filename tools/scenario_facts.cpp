@@ -15,7 +15,7 @@
 namespace holdfast {
 namespace {
 
-constexpr std::size_t kNameBytesMax = 200;
+constexpr std::size_t kListedNameBytesMax = 200;
 
 // Elements of a list; none when the node is anything else.
 YAML::Node items(const YAML::Node& node) {
@@ -30,8 +30,8 @@ T value_or(const YAML::Node& node, const T& fallback) {
 // Ours are short; a stranger's may not fill every table. Cut between characters of UTF-8.
 std::string short_text(const YAML::Node& node) {
   auto text = value_or<std::string>(node, "");
-  if (text.size() <= kNameBytesMax) return text;
-  std::size_t end = kNameBytesMax;
+  if (text.size() <= kListedNameBytesMax) return text;
+  std::size_t end = kListedNameBytesMax;
   while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0) == 0x80) --end;
   text.resize(end);
   return text;
