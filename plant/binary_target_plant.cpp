@@ -11,16 +11,14 @@ void BinaryTargetPlantOptions::read(ConfigurationMap map, std::size_t num_sensor
   read_attack(map.map("attack"), num_sensors, attack, false);
 }
 
-BinaryReading read_binary_sensor(double energy, double threshold, double dos, double deception,
-                                 const BinarySensorDraws& draws) {
+BinaryReading attack_binary_sensor(bool clean_bit, double threshold, double dos, double deception,
+                                   const SensorAttackDraws& draws) {
   BinaryReading reading;
-  reading.sensed = energy + draws.noise;
-  reading.clean_bit = reading.sensed > threshold;
   reading.is_dos = draws.dos_uniform < dos;
   reading.is_deception = !reading.is_dos && draws.deception_uniform < deception;
-  reading.attacked =
-      reading.is_dos ? 0.0 : (reading.is_deception ? draws.deception_value : reading.sensed);
-  reading.bit = reading.attacked > threshold;
+  reading.bit = reading.is_dos         ? 0.0 > threshold
+                : reading.is_deception ? draws.deception_value > threshold
+                                       : clean_bit;
   return reading;
 }
 
@@ -28,6 +26,7 @@ BinaryTargetPlant::BinaryTargetPlant(const BinaryTargetModel& model,
                                      const BinaryTargetPlantOptions& options, std::uint64_t seed,
                                      std::uint32_t run)
     : model_(model),
+      reach_(model),
       options_(options),
       process_noise_(seed, run, "plant/process_noise"),
       sensor_noise_(seed, run, "plant/sensor_noise"),
@@ -42,16 +41,24 @@ BinaryTargetPlant::BinaryTargetPlant(const BinaryTargetModel& model,
   }
 }
 
-BinarySensorDraws BinaryTargetPlant::draw(std::size_t sensor, std::uint32_t step) const {
-  BinarySensorDraws draws;
+// Draws are addressed, so those that nothing could depend on are left out.
+bool BinaryTargetPlant::clean_bit(std::size_t sensor, std::uint32_t step) const {
   const auto& glint = model_.glint;
   const bool is_tail = sensor_noise_.uniform(step, 4 * sensor) < glint.tail_probability;
   // Normal draw 4 s + 2 uses the words of uniforms 4 s + 2 and 4 s + 3 only, so the two never
   // share.
+  const double radius_uniform = sensor_noise_.uniform(step, 4 * sensor + 2);
+  const std::optional<bool> settled =
+      reach_.settled_bit(model_.squared_distance(state_, sensor), is_tail, radius_uniform);
+  if (settled) return *settled;
   const double normal = sensor_noise_.normal(step, 4 * sensor + 2);
-  draws.noise = is_tail ? glint.mean_2 + std::sqrt(glint.variance_2) * normal
-                        : glint.mean_1 + std::sqrt(glint.variance_1) * normal;
-  // Draws are addressed, so those that nothing could depend on are left out.
+  const double noise = is_tail ? glint.mean_2 + std::sqrt(glint.variance_2) * normal
+                               : glint.mean_1 + std::sqrt(glint.variance_1) * normal;
+  return model_.energy(state_, sensor) + noise > model_.threshold;
+}
+
+SensorAttackDraws BinaryTargetPlant::draw_attack(std::size_t sensor, std::uint32_t step) const {
+  SensorAttackDraws draws;
   const BinaryTargetModel::Attack& attack = options_.attack;
   if (attack.dos[sensor] > 0.0 || attack.deception[sensor] > 0.0) {
     const auto [dos_uniform, deception_uniform] = sensor_attack_.uniforms(step, 2 * sensor);
@@ -80,12 +87,12 @@ const PlantStep& BinaryTargetPlant::advance() {
   state_ = model_.propagate(state_, normals);
   step_.state = state_;
   for (std::size_t s = 0; s < model_.num_sensors(); ++s) {
-    const BinarySensorDraws draws = draw(s, step);
-    const BinaryReading reading =
-        read_binary_sensor(model_.energy(state_, s), model_.threshold, options_.attack.dos[s],
-                           options_.attack.deception[s], draws);
+    const bool clean = clean_bit(s, step);
+    const SensorAttackDraws draws = draw_attack(s, step);
+    const BinaryReading reading = attack_binary_sensor(
+        clean, model_.threshold, options_.attack.dos[s], options_.attack.deception[s], draws);
     step_.readings[s][0] = reading.bit ? 1.0 : 0.0;
-    step_.clean_readings[s][0] = reading.clean_bit ? 1.0 : 0.0;
+    step_.clean_readings[s][0] = clean ? 1.0 : 0.0;
     step_.attack_signals[0].value[s] = reading.is_dos ? 1.0 : 0.0;
     step_.attack_signals[1].value[s] = reading.is_deception ? 1.0 : 0.0;
     step_.attack_signals[2].value[s] = reading.is_deception ? draws.deception_value : 0.0;

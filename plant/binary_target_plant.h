@@ -2,6 +2,7 @@
 
 #include "common/models/binary_target/binary_target_model.h"
 #include "common/random_stream.h"
+#include "plant/noise_reach.h"
 #include "plant/plant.h"
 
 namespace holdfast {
@@ -17,23 +18,20 @@ struct BinaryTargetPlantOptions {
   void read(ConfigurationMap map, std::size_t num_sensors);
 };
 
-/// Draws behind one reading of one sensor.
-struct BinarySensorDraws {
-  double noise = 0.0;              // nu, glint noise
+/// Draws behind an attack at one sensor.
+struct SensorAttackDraws {
   double dos_uniform = 1.0;        // DoS when below phi
   double deception_uniform = 1.0;  // deception when below varphi
   double deception_value = 0.0;    // mu
 };
 
-/// One binary reading, paper 002 eqs. (2)-(5): attack at the sensor, then the strict threshold.
+/// What an attack at the sensor makes of its bit, paper 002 eqs. (4)-(5).
 struct BinaryReading {
-  double sensed = 0.0;    // h + nu
-  double attacked = 0.0;  // 0 under DoS, mu under deception, else sensed
   bool is_dos = false, is_deception = false;
-  bool clean_bit = false, bit = false;
+  bool bit = false;  // of 0 under DoS, of mu under deception, else the clean one
 };
-BinaryReading read_binary_sensor(double energy, double threshold, double dos, double deception,
-                                 const BinarySensorDraws& draws);
+BinaryReading attack_binary_sensor(bool clean_bit, double threshold, double dos, double deception,
+                                   const SensorAttackDraws& draws);
 
 /// Target of nearly constant velocity and its binary sensors (paper 002, section II).
 ///
@@ -48,9 +46,11 @@ class BinaryTargetPlant : public Plant {
   std::vector<std::string> state_names() const override;
 
  private:
-  BinarySensorDraws draw(std::size_t sensor, std::uint32_t step) const;
+  bool clean_bit(std::size_t sensor, std::uint32_t step) const;
+  SensorAttackDraws draw_attack(std::size_t sensor, std::uint32_t step) const;
 
   BinaryTargetModel model_;
+  NoiseReach reach_;
   BinaryTargetPlantOptions options_;
   RandomStream process_noise_, sensor_noise_, sensor_attack_;
   BinaryTargetModel::State state_;

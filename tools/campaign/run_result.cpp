@@ -166,8 +166,10 @@ RunResult simulate_run(const Experiment& experiment, std::int64_t point, std::in
   const bool needs_authentic = std::ranges::any_of(
       experiment.windows, [](const MetricsWindow& window) { return window.fresh_steps >= 0; });
   Simulation simulation(experiment, static_cast<std::uint32_t>(run));
-  std::vector<RunScorer> scorers(simulation.entries().size(),
-                                 RunScorer(experiment.state_groups, num_steps));
+  std::vector<RunScorer> scorers;
+  scorers.reserve(simulation.entries().size());
+  for (std::size_t i = 0; i < simulation.entries().size(); ++i)
+    scorers.emplace_back(experiment.state_groups, num_steps);
   result.estimators.resize(scorers.size());
   simulation.on_step_time = [&result](std::size_t i, std::int64_t time_ns) {
     result.estimators[i].step_times.add(time_ns);
@@ -221,7 +223,7 @@ std::vector<double> doubles_of(std::span<const std::uint8_t> bytes) {
 
 std::vector<std::uint8_t> bytes_of(const ScoreHistogram& histogram) {
   std::vector<std::int64_t> bins;
-  for (std::size_t i = 0; i < ScoreHistogram::kNumBins; ++i) {
+  for (std::size_t i = 0; i < histogram.positives.size(); ++i) {
     if (histogram.positives[i] == 0 && histogram.negatives[i] == 0) continue;
     bins.insert(bins.end(),
                 {static_cast<std::int64_t>(i), histogram.positives[i], histogram.negatives[i]});
@@ -235,8 +237,7 @@ ScoreHistogram score_histogram_of(std::span<const std::uint8_t> bytes) {
   for (std::size_t i = 0; i + 2 < bins.size(); i += 3) {
     if (bins[i] < 0 || bins[i] >= static_cast<std::int64_t>(ScoreHistogram::kNumBins))
       throw JobError("a stored histogram has a bin that there is not");
-    histogram.positives[static_cast<std::size_t>(bins[i])] += bins[i + 1];
-    histogram.negatives[static_cast<std::size_t>(bins[i])] += bins[i + 2];
+    histogram.add_counts(static_cast<std::size_t>(bins[i]), bins[i + 1], bins[i + 2]);
   }
   return histogram;
 }

@@ -130,7 +130,7 @@ Roc without_error(const std::vector<Counts>& rising, const Counts& total) {
 
 std::vector<Counts> levels_of(const ScoreHistogram& histogram) {
   std::vector<Counts> levels(ScoreHistogram::kNumBins);
-  for (std::size_t i = 0; i < levels.size(); ++i)
+  for (std::size_t i = 0; i < histogram.positives.size(); ++i)
     levels[i] = {histogram.positives[i], histogram.negatives[i]};
   return levels;
 }

@@ -16,17 +16,25 @@ constexpr std::size_t kMixturesMax = 4;
 
 }  // namespace
 
+void ScoreHistogram::add_counts(std::size_t bin, std::int64_t num_positives,
+                                std::int64_t num_negatives) {
+  if (positives.empty()) {
+    positives.resize(kNumBins, 0);
+    negatives.resize(kNumBins, 0);
+  }
+  positives[bin] += num_positives;
+  negatives[bin] += num_negatives;
+}
+
 void ScoreHistogram::add(double score, bool is_positive) {
   if (!(score >= 0.0 && score <= 1.0)) return;
   const auto bin = static_cast<std::size_t>(score * static_cast<double>(kNumBins));
-  ++(is_positive ? positives : negatives)[std::min(bin, kNumBins - 1)];
+  add_counts(std::min(bin, kNumBins - 1), is_positive ? 1 : 0, is_positive ? 0 : 1);
 }
 
 void ScoreHistogram::add(const ScoreHistogram& other) {
-  for (std::size_t i = 0; i < kNumBins; ++i) {
-    positives[i] += other.positives[i];
-    negatives[i] += other.negatives[i];
-  }
+  for (std::size_t i = 0; i < other.positives.size(); ++i)
+    add_counts(i, other.positives[i], other.negatives[i]);
 }
 
 bool ScoreHistogram::is_empty() const {
@@ -38,8 +46,7 @@ bool ScoreHistogram::is_empty() const {
 RunScorer::RunScorer(const std::vector<StateGroup>& groups, std::size_t num_steps)
     : groups_(groups),
       num_steps_(num_steps),
-      curves_(kNumCurves + groups.size(), std::vector<double>(num_steps, kNoValue)),
-      has_value_(curves_.size(), 0),
+      curves_(kNumCurves + groups.size()),
       is_taken_(num_steps, 0) {
   for (const StateGroup& group : groups_) {
     int last = -1;
@@ -53,8 +60,8 @@ RunScorer::RunScorer(const std::vector<StateGroup>& groups, std::size_t num_step
 
 void RunScorer::set(std::size_t curve, std::size_t row, double value) {
   if (!std::isfinite(value)) return;
+  if (curves_[curve].empty()) curves_[curve].assign(num_steps_, kNoValue);
   curves_[curve][row] = value;
-  has_value_[curve] = 1;
 }
 
 void RunScorer::take(const Estimate& estimate, const TrueStep& truth) {
@@ -185,7 +192,7 @@ RunScores RunScorer::finish() {
                                                                  "mode",
                                                                  "attack_signal_squared_error"};
   for (std::size_t c = 0; c < curves_.size(); ++c) {
-    if (!has_value_[c]) continue;
+    if (curves_[c].empty()) continue;
     const std::string name =
         c < kNumCurves ? kNames[c] : "squared_error." + groups_[c - kNumCurves].name;
     scores_.curves[name] = std::move(curves_[c]);

@@ -36,9 +36,10 @@ struct TrueStep {
 /// exactly over runs, whatever the order.
 struct ScoreHistogram {
   static constexpr std::size_t kNumBins = 1000;
-  std::vector<std::int64_t> positives = std::vector<std::int64_t>(kNumBins, 0);
-  std::vector<std::int64_t> negatives = std::vector<std::int64_t>(kNumBins, 0);
+  // [kNumBins] each, or empty: an estimator without such scores is not to pay for them in each run.
+  std::vector<std::int64_t> positives, negatives;
 
+  void add_counts(std::size_t bin, std::int64_t num_positives, std::int64_t num_negatives);
   void add(double score, bool is_positive);  // NaN and values outside [0, 1] are left out
   void add(const ScoreHistogram& other);
   bool is_empty() const;
@@ -107,8 +108,8 @@ class RunScorer {
   std::vector<StateGroup> groups_;
   std::vector<std::size_t> states_needed_;  // by each group
   std::size_t num_steps_;
-  std::vector<std::vector<double>> curves_;
-  std::vector<char> has_value_, is_taken_;
+  std::vector<std::vector<double>> curves_;  // empty without any value
+  std::vector<char> is_taken_;
   std::size_t signal_rows_ = 0;
   std::vector<double> signals_;  // [num_steps][signal_rows_], NaN where not known
   std::vector<std::vector<double>> channel_errors_;  // by channel, when there are several

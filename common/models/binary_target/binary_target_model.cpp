@@ -25,12 +25,17 @@ BinaryTargetModel::State BinaryTargetModel::propagate(const State& state,
   return next;
 }
 
-double BinaryTargetModel::energy(const State& state, std::size_t sensor) const {
+double BinaryTargetModel::squared_distance(const State& state, std::size_t sensor) const {
   const auto& position = sensor_positions_m[sensor];
   const double dx = state[0] - position[0];
   const double dy = state[2] - position[1];
+  return dx * dx + dy * dy;
+}
+
+double BinaryTargetModel::energy(const State& state, std::size_t sensor) const {
   const double d0_squared = reference_distance_m * reference_distance_m;
-  return source_power * std::pow((dx * dx + dy * dy) / d0_squared, -0.5 * decay_exponent);
+  return source_power *
+         std::pow(squared_distance(state, sensor) / d0_squared, -0.5 * decay_exponent);
 }
 
 namespace {

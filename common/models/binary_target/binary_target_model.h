@@ -67,6 +67,8 @@ struct BinaryTargetModel {
   };
   AxisNoise axis_noise() const;
 
+  /// Between target and sensor, m^2.
+  double squared_distance(const State& state, std::size_t sensor) const;
   /// h_s(x), eq. (2); +infinity on the sensor itself.
   double energy(const State& state, std::size_t sensor) const;
   /// P(nu > u) and P(nu <= u) of the glint noise.

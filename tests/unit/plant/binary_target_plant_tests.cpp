@@ -68,16 +68,19 @@ TEST_CASE("the measurement chain equals the golden vectors") {
       const double energy = model.energy(state, s);
       const double expected = step["h"][s];
       CHECK(std::abs(energy - expected) <= 1e-12 * std::max(1.0, std::abs(expected)));
-      BinarySensorDraws draws;
-      draws.noise = step["nu"][s];
+      SensorAttackDraws draws;
       draws.dos_uniform = step["U"][0][s];
       draws.deception_uniform = step["U"][1][s];
       draws.deception_value = step["mu"][s];
+      const double sensed = energy + step["nu"][s].get<double>(), threshold = parameters["T_delta"];
       const BinaryReading reading =
-          read_binary_sensor(energy, parameters["T_delta"], parameters["phi_dos"],
-                             parameters["varphi_deception"], draws);
-      CHECK(std::abs(reading.attacked - step["ybar"][s].get<double>()) <=
-            1e-12 * std::max(1.0, std::abs(reading.attacked)));
+          attack_binary_sensor(sensed > threshold, threshold, parameters["phi_dos"],
+                               parameters["varphi_deception"], draws);
+      const double attacked = reading.is_dos         ? 0.0
+                              : reading.is_deception ? draws.deception_value
+                                                     : sensed;
+      CHECK(std::abs(attacked - step["ybar"][s].get<double>()) <=
+            1e-12 * std::max(1.0, std::abs(attacked)));
       CHECK(static_cast<int>(reading.bit) == step["theta"][s].get<int>());
       const bool is_flipped =
           step["U"][2][s].get<double>() < parameters["alpha_flip"].get<double>();
