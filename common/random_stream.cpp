@@ -64,6 +64,11 @@ double RandomStream::normal(std::uint32_t step, std::uint64_t draw) const {
   return radius * (draw % 2 == 0 ? std::cos(angle) : std::sin(angle));
 }
 
+double RandomStream::normal_of(const std::array<double, 2>& uniforms) {
+  const auto [radius, angle] = polar(uniforms);
+  return radius * std::cos(angle);
+}
+
 std::array<double, 2> RandomStream::normals(std::uint32_t step, std::uint64_t pair) const {
   const auto [radius, angle] = polar(uniforms(step, pair));
   return {radius * std::cos(angle), radius * std::sin(angle)};

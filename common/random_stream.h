@@ -25,6 +25,9 @@ class RandomStream {
   /// Standard normal by Box-Muller; draws 2 i and 2 i + 1 are the cosine and the sine of one pair.
   double normal(std::uint32_t step, std::uint64_t draw) const;
 
+  /// Normal draw 2 pair, made of uniforms(step, pair) that are there already.
+  static double normal_of(const std::array<double, 2>& uniforms);
+
   /// Normal draws 2 pair and 2 pair + 1, in less than the time of both.
   std::array<double, 2> normals(std::uint32_t step, std::uint64_t pair) const;
 

@@ -90,7 +90,7 @@ struct Kernel {
   }
 
   // Values of up to kChunk factors, for one vector of particles.
-  static constexpr std::size_t kChunk = 16;
+  static constexpr std::size_t kChunk = 8;
   struct Stage {
     V energy[kChunk];
     V z[2][kChunk];  // argument of erfc, per noise component
@@ -116,7 +116,7 @@ struct Kernel {
       for (std::size_t f = 0; f < count; ++f) {
         const V z =
             Pack::negative_fma(stage.energy[f], Pack::set(law.scale[i]), Pack::set(law.offset[i]));
-        stage.z[i][f] = z;
+        if (in_tails) stage.z[i][f] = z;
         stage.erfc[i][f] = Pack::erfc(in_tails ? Pack::abs(z) : z);
       }
     }

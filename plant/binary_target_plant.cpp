@@ -47,11 +47,11 @@ bool BinaryTargetPlant::clean_bit(std::size_t sensor, std::uint32_t step) const 
   const bool is_tail = sensor_noise_.uniform(step, 4 * sensor) < glint.tail_probability;
   // Normal draw 4 s + 2 uses the words of uniforms 4 s + 2 and 4 s + 3 only, so the two never
   // share.
-  const double radius_uniform = sensor_noise_.uniform(step, 4 * sensor + 2);
+  const std::array<double, 2> uniforms = sensor_noise_.uniforms(step, 2 * sensor + 1);
   const std::optional<bool> settled =
-      reach_.settled_bit(model_.squared_distance(state_, sensor), is_tail, radius_uniform);
+      reach_.settled_bit(model_.squared_distance(state_, sensor), is_tail, uniforms[0]);
   if (settled) return *settled;
-  const double normal = sensor_noise_.normal(step, 4 * sensor + 2);
+  const double normal = RandomStream::normal_of(uniforms);
   const double noise = is_tail ? glint.mean_2 + std::sqrt(glint.variance_2) * normal
                                : glint.mean_1 + std::sqrt(glint.variance_1) * normal;
   return model_.energy(state_, sensor) + noise > model_.threshold;

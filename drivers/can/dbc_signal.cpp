@@ -40,7 +40,9 @@ bool nearest_integer(const DbcSignal& signal, double value, std::uint64_t& raw) 
   if (std::isnan(value)) return false;
   const bool is_signed = signal.kind == DbcSignal::Kind::kSigned;
   const int magnitude_bits = is_signed ? signal.num_bits - 1 : signal.num_bits;
-  const double above = std::ldexp(1.0, magnitude_bits);  // first value that is too large
+  // First value that is too large.
+  const double above =
+      magnitude_bits == 64 ? 0x1p64 : static_cast<double>(std::uint64_t{1} << magnitude_bits);
   const double low = is_signed ? -above : 0.0;
   const double rounded = std::round(value);
   if (rounded >= above) {

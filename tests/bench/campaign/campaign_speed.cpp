@@ -1,6 +1,8 @@
 // campaign_speed [RUNS [ROUNDS]]: how much of the bare filter's speed a whole campaign keeps.
 // Prints both, side by side, in one run; the campaign simulates plant, bus and attacker, scores and
-// stores as well.
+// stores as well. Each round is a process of its own: where the system puts stacks and libraries
+// decides which lines of the first cache collide, and moves either loop by several percent for as
+// long as a process lives.
 
 #include <algorithm>
 #include <array>
@@ -9,12 +11,15 @@
 #include <cstdlib>
 #include <filesystem>
 #include <functional>
+#include <memory>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include "common/clock.h"
 #include "tools/campaign/campaign.h"
 #include "tools/campaign/campaign_summary.h"
+#include "tools/child_process.h"
 #include "tools/simulation.h"
 
 namespace holdfast {
@@ -92,55 +97,92 @@ struct Round {
   double one, all, campaign;
 };
 
-// Mean over the rounds and its standard error.
-struct Mean {
-  double value, error;
+std::string scenario_file() {
+  return std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml";
+}
+
+const std::vector<std::string>& overrides() {
+  static const std::vector<std::string> kOverrides = {
+      "estimators=[{name: secure, method: secure_particle_filter, particles: 500, "
+      "packet_posteriors: false}]"};
+  return kOverrides;
+}
+
+Round measure(std::int64_t num_runs, bool is_backwards) {
+  const Experiment experiment = load_experiment(scenario_file(), overrides());
+  const int num_cores = default_threads(ProcessGroup());
+  const auto sets = record_sets(experiment, 20);
+  const int num_passes = static_cast<int>(std::max<std::int64_t>(1, num_runs / 40));
+  Round round{};
+  const std::array<std::function<void()>, 3> loops = {
+      [&] { round.one = bare_steps_per_s(experiment, sets, num_passes); },
+      [&] { round.all = bare_on_all(experiment, sets, num_passes, num_cores); },
+      [&] {
+        round.campaign = campaign_steps_per_s(scenario_file(), overrides(), num_runs, num_cores);
+      }};
+  for (std::size_t j = 0; j < loops.size(); ++j) loops[is_backwards ? loops.size() - 1 - j : j]();
+  return round;
+}
+
+// False when the process did not say three rates.
+bool measure_in_process(const std::string& command, Round& round) {
+  const std::unique_ptr<FILE, int (*)(FILE*)> output(popen(command.c_str(), "r"), pclose);
+  return output &&
+         std::fscanf(output.get(), "%lf %lf %lf", &round.one, &round.all, &round.campaign) == 3;
+}
+
+// Over the rounds; error: of the mean.
+struct Spread {
+  double mean, error, median;
 };
 
 template <class Value>
-Mean mean_over(const std::vector<Round>& rounds, const Value& value) {
+Spread spread_over(const std::vector<Round>& rounds, const Value& value) {
   const auto count = static_cast<double>(rounds.size());
+  std::vector<double> values;
   double sum = 0.0, squares = 0.0;
-  for (const Round& round : rounds) sum += value(round);
+  for (const Round& round : rounds) values.push_back(value(round));
+  for (const double it : values) sum += it;
   const double mean = sum / count;
-  for (const Round& round : rounds) squares += (value(round) - mean) * (value(round) - mean);
-  return {mean, count < 2.0 ? 0.0 : std::sqrt(squares / (count - 1.0) / count)};
+  for (const double it : values) squares += (it - mean) * (it - mean);
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  const double median =
+      values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+  return {mean, count < 2.0 ? 0.0 : std::sqrt(squares / (count - 1.0) / count), median};
 }
 
 template <class Value>
 void print_row(const char* text, const std::vector<Round>& rounds, double num_cores,
                const Value& rate, const char* remark) {
-  const Mean speed = mean_over(rounds, rate);
-  const Mean share =
-      mean_over(rounds, [&](const Round& round) { return rate(round) / (round.one * num_cores); });
-  std::printf("%-44s %12.0f %8.3f (%.3f)%s\n", text, speed.value, share.value, share.error, remark);
+  const Spread speed = spread_over(rounds, rate);
+  const Spread share = spread_over(
+      rounds, [&](const Round& round) { return rate(round) / (round.one * num_cores); });
+  std::printf("%-44s %12.0f %8.3f (%.3f) %8.3f%s\n", text, speed.mean, share.mean, share.error,
+              share.median, remark);
 }
 
 int run(std::int64_t num_runs, int num_rounds) {
-  const std::string scenario = std::string(HOLDFAST_SOURCE_DIR) + "/scenarios/binary_tracking.yaml";
-  const std::vector<std::string> overrides = {
-      "estimators=[{name: secure, method: secure_particle_filter, particles: 500, "
-      "packet_posteriors: false}]"};
-  const Experiment experiment = load_experiment(scenario, overrides);
+  const Experiment experiment = load_experiment(scenario_file(), overrides());
   const int num_cores = default_threads(ProcessGroup());
-  const auto sets = record_sets(experiment, 20);
-  const int num_passes = static_cast<int>(std::max<std::int64_t>(1, num_runs / 40));
   std::printf("Sec-PF, M = 500, %ld steps, %ld runs, kernel %s, %d cores, %d rounds\n",
               static_cast<long>(experiment.num_steps), static_cast<long>(num_runs),
               experiment.kernel_text().c_str(), num_cores, num_rounds);
+  std::fflush(stdout);
   // What a loop reaches changes with the moment, so shares are taken within a round, every second
   // one backwards, and averaged.
+  const std::string program =
+      shell_quoted(std::filesystem::read_symlink("/proc/self/exe").string());
   std::vector<Round> rounds(static_cast<std::size_t>(num_rounds));
   for (std::size_t i = 0; i < rounds.size(); ++i) {
-    const std::array<std::function<void()>, 3> loops = {
-        [&] { rounds[i].one = bare_steps_per_s(experiment, sets, num_passes); },
-        [&] { rounds[i].all = bare_on_all(experiment, sets, num_passes, num_cores); },
-        [&] {
-          rounds[i].campaign = campaign_steps_per_s(scenario, overrides, num_runs, num_cores);
-        }};
-    for (std::size_t j = 0; j < loops.size(); ++j) loops[i % 2 == 0 ? j : loops.size() - 1 - j]();
+    const std::string command =
+        program + (i % 2 == 0 ? " --forwards " : " --backwards ") + std::to_string(num_runs);
+    if (!measure_in_process(command, rounds[i])) {
+      std::fprintf(stderr, "round %zu failed: %s\n", i + 1, command.c_str());
+      return 1;
+    }
   }
-  std::printf("%-44s %12s %8s (%s)\n", "", "steps/s", "share", "s.e.");
+  std::printf("%-44s %12s %8s (%s) %8s\n", "", "steps/s", "share", "s.e.", "median");
   print_row(
       "bare filter loop, one thread, times the cores", rounds, num_cores,
       [num_cores](const Round& round) { return round.one * num_cores; }, "");
@@ -153,15 +195,26 @@ int run(std::int64_t num_runs, int num_rounds) {
   return 0;
 }
 
+int run_round(std::int64_t num_runs, bool is_backwards) {
+  const Round round = measure(num_runs, is_backwards);
+  std::printf("%.17g %.17g %.17g\n", round.one, round.all, round.campaign);
+  return 0;
+}
+
 }  // namespace
 }  // namespace holdfast
 
 int main(int argc, char** argv) {
-  const long num_runs = argc > 1 ? std::strtol(argv[1], nullptr, 10) : 1000;
-  const long num_rounds = argc > 2 ? std::strtol(argv[2], nullptr, 10) : 6;
+  const std::string first = argc > 1 ? argv[1] : "1000";
+  const bool is_backwards = first == "--backwards",
+             is_round = is_backwards || first == "--forwards";
+  const int at = is_round ? 2 : 1;
+  const long num_runs = argc > at ? std::strtol(argv[at], nullptr, 10) : 1000;
+  const long num_rounds = argc > at + 1 ? std::strtol(argv[at + 1], nullptr, 10) : 6;
   if (num_runs < 1 || num_rounds < 1 || num_rounds > 1000) {
     std::fprintf(stderr, "usage: campaign_speed [RUNS [ROUNDS]]\n");
     return 2;
   }
+  if (is_round) return holdfast::run_round(num_runs, is_backwards);
   return holdfast::run(num_runs, static_cast<int>(num_rounds));
 }
