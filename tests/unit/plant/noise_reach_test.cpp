@@ -2,8 +2,8 @@
 
 #include <cmath>
 #include <numbers>
-#include <random>
 
+#include "common/random_stream.h"
 #include "plant/binary_target_plant.h"
 #include "tests/support/catch.h"
 
@@ -49,13 +49,13 @@ struct Tally {
 };
 
 Tally compare_at_random(const BinaryTargetModel& model, const NoiseReach& reach) {
-  std::mt19937_64 random(7);
-  std::uniform_real_distribution<double> unit(1e-16, 1.0);
+  const RandomStream random(7, 0, "noise_reach_test");
   Tally tally;
-  for (int i = 0; i < 200000; ++i) {
-    const double squared_distance = std::pow(10.0, 8.0 * unit(random) - 2.0);
-    const bool is_tail = unit(random) < 0.5;
-    const double uniform = unit(random), angle = 2.0 * std::numbers::pi * unit(random);
+  for (std::uint32_t i = 0; i < 200000; ++i) {
+    const double squared_distance = std::pow(10.0, 8.0 * random.uniform(i, 0) - 2.0);
+    const bool is_tail = random.uniform(i, 1) < 0.5;
+    const double uniform = random.uniform(i, 2),
+                 angle = 2.0 * std::numbers::pi * random.uniform(i, 3);
     tally.add(reach.settled_bit(squared_distance, is_tail, uniform),
               whole_bit(model, squared_distance, is_tail, uniform, angle));
   }
