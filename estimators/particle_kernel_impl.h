@@ -89,7 +89,8 @@ struct Kernel {
     return Pack::fma(dx, dx, Pack::mul(dy, dy));
   }
 
-  // Values of up to kChunk factors, for one vector of particles.
+  // Values of up to kChunk factors, for one vector of particles. More would overlap no better, and
+  // take more of the first cache.
   static constexpr std::size_t kChunk = 8;
   struct Stage {
     V energy[kChunk];
