@@ -1,8 +1,7 @@
 // campaign_speed [RUNS [ROUNDS]]: how much of the bare filter's speed a whole campaign keeps.
 // Prints both, side by side, in one run; the campaign simulates plant, bus and attacker, scores and
-// stores as well. Each round is a process of its own: where the system puts stacks and libraries
-// decides which lines of the first cache collide, and moves either loop by several percent for as
-// long as a process lives.
+// stores as well. Each round is a process of its own: where the system puts the stacks moves either
+// loop by several percent for as long as a process lives.
 
 #include <algorithm>
 #include <array>
